@@ -134,6 +134,14 @@ class SimulatedFlight:
                 self.seen.states.append((self.t_s, state))
         return self
 
+    def miss(self, until_s: float) -> "SimulatedFlight":
+        """Flies until `until_s` after the start; nothing of it is heard."""
+        end_ns = START_NS + round(until_s * 1e9)
+        while self.t_ns < end_ns:
+            self.t_ns += STEP_NS
+            self.autopilot.advance(self.t_ns)
+        return self
+
     def hold_up(self, for_s: float, kept_s: float) -> "SimulatedFlight":
         """Nothing comes for a while; then comes what was sent first, and the rest is lost."""
         start_ns = self.t_ns

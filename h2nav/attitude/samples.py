@@ -120,10 +120,14 @@ class SensorDoubt(NamedTuple):
     Attributes:
         rate_b: of the gyro's bias as the filter knows it, one sigma, rad/s, body.
         force_b: of the accelerometer's about x and y, one sigma, m/s^2.
+        tilt_rad: of the tilt that a sensor proved wrong has caused.
+        heading_rad: of the heading, likewise.
     """
 
     rate_b: Vec3 = (0.0, 0.0, 0.0)
     force_b: tuple[float, float] = (0.0, 0.0)
+    tilt_rad: float = 0.0
+    heading_rad: float = 0.0
 
 
 class Trust(IntFlag):

@@ -20,8 +20,9 @@ from typing import NamedTuple
 from h2nav.attitude.samples import SensorDoubt, SensorErrors, Vec3
 from h2nav.integrity.likelihood import HypothesisFit, LinearModel, mean
 from h2nav.integrity.strapdown import Moment
-from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns
+from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns, plus
 from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA
+from h2nav.maths.quaternion import conjugate, exp, multiply, tilt_and_heading
 from h2nav.maths.units import DEG
 
 # Windows of fewer rows are not compared.
@@ -44,7 +45,7 @@ FAILED_HEADING_RAD = 60.0 * DEG
 FAILED_TILT_RAD = 5.0 * DEG
 # A broken gyro, and the tilt error before it is detected.
 BROKEN_RATE_RAD_S = 20.0 * DEG
-BROKEN_TILT_RAD = 30.0 * DEG
+BROKEN_TILT_RAD = 30.0 * DEG  # and of an attitude that is wrong for whatever reason
 BROKEN = 3.0  # times a failure's rate
 JUMP_M_S = 10.0
 RAMP_M_S2 = 2.0
@@ -65,6 +66,9 @@ KNOWN_HEADING_RAD = 10.0 * DEG
 DECIDED = 1000.0
 # An undecided cause takes effect by its probability, from these odds against none on.
 SUSPECTED = 100.0
+# Of an error by a cause that may still be right, at least this share is one deviation: it stays
+# within three of them.
+LEAST_SHARE = 1.0 / 9.0
 # Largest excess of the residuals' square over that of the noise for a decision, in its deviations.
 MISFIT_SIGMAS = 3.0
 
@@ -75,6 +79,7 @@ class Cause(Enum):
     GYRO = "gyro"
     ACCELEROMETER = "accelerometer"
     HEADING = "heading"
+    ATTITUDE = "attitude"
     VELOCITY = "velocity"
     VIBRATION = "vibration"
     LATENCY = "latency"
@@ -92,6 +97,9 @@ class Explained(NamedTuple):
         rate_b: error of the filter's present gyro bias, if the gyro is the cause, rad/s.
         force_b: the same of the accelerometer, m/s^2; z is not estimated.
         step: size of the fault that began within the window, rad/s or m/s^2.
+        tilt_rad: deviation of the filter's present tilt by the causes that are still possible.
+        heading_rad: the same of its heading.
+        drift_m_s2: deviation of a drift of the velocity, if that may be false.
     """
 
     odds: float = 0.0
@@ -100,6 +108,9 @@ class Explained(NamedTuple):
     rate_b: Vec3 = (0.0, 0.0, 0.0)
     force_b: Vec3 = (0.0, 0.0, 0.0)
     step: float = 0.0
+    tilt_rad: float = 0.0
+    heading_rad: float = 0.0
+    drift_m_s2: float = 0.0
 
     def share(self, cause: Cause) -> float:
         """Probability of a cause."""
@@ -144,7 +155,10 @@ def doubt_of(found: Explained) -> SensorDoubt | None:
         of_rate = 0.0
     x, y, z = (of_rate * abs(part) for part in found.rate_b)
     u, v = (of_force * abs(part) for part in found.force_b[:2])
-    return SensorDoubt((x, y, z), (u, v))
+    bent = (0.0, 0.0)
+    if found.decided in (Cause.GYRO, Cause.ATTITUDE):
+        bent = (found.tilt_rad, found.heading_rad)
+    return SensorDoubt((x, y, z), (u, v), *bent)
 
 
 # Unknowns, by their columns: tilt north and east, heading, gyro's bias and scale (three axes each),
@@ -185,11 +199,15 @@ class _Variant(NamedTuple):
         cause: the cause.
         fit: of its unknowns.
         own: number of unknowns besides the usual ones.
+        begun: row with which it began.
+        drifts: its own unknowns begin with a drift of the velocity north and east.
     """
 
     cause: Cause
     fit: HypothesisFit
     own: int = 0
+    begun: int = 0
+    drifts: bool = False
 
 
 class _Comparison:
@@ -255,22 +273,54 @@ class _Comparison:
         mine = [one for one in variants if one.cause is winner]
         is_seen, step = self._force_density > SHAKEN_DENSITY, 0.0
         if mine:
-            likeliest = max(mine, key=lambda one: one.fit.likelihood)
-            is_seen = self._is_seen(likeliest)
+            likeliest = _likeliest(mine)
+            is_seen = self._is_seen(mine)
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
         # Samples of a shaken force do not show its mean: nothing can be estimated from them.
         if self._force_density <= SHAKING_DENSITY:
             rate_b, force_b = self._rate(variants), self._force(variants)
-        return Explained(max(best - none, 0.0), shares, is_seen, rate_b, force_b, step)
+        found = Explained(max(best - none, 0.0), shares, is_seen, rate_b, force_b, step)
+        return self._with_errors(found, variants)
 
-    def _is_seen(self, best: _Variant) -> bool:
+    def _with_errors(self, found: Explained, variants: Sequence[_Variant]) -> Explained:
+        """Adds the errors by the causes that are still possible.
+
+        Source: docs/integrity.md Eq. (7).
+        """
+        tilts, headings, drift = [0.0], [0.0], 0.0
+        for cause, share in found.shares:
+            mine = [one for one in variants if one.cause is cause]
+            if not mine or share * SUSPECTED < 1.0:
+                continue
+            likeliest, weight = _likeliest(mine), math.sqrt(max(share, LEAST_SHARE))
+            tilt, heading = self._astray(likeliest)
+            tilts.append(weight * tilt)
+            headings.append(weight * abs(heading))
+            if likeliest.drifts:
+                own = likeliest.fit.unknowns()[-likeliest.own :]
+                drift = weight * math.hypot(*own[:2])
+        return found._replace(tilt_rad=max(tilts), heading_rad=max(headings), drift_m_s2=drift)
+
+    def _astray(self, one: _Variant) -> tuple[float, float]:
+        """Tilt and heading from the filter's attitude to that by a cause, now."""
+        found, columns = one.fit.unknowns(), self._columns
+        turn = plus(columns.used_n, 1.0, (found[_TILT], found[_TILT + 1], found[_HEADING]))
+        for unknown, in_all in zip(found[_RATE:_FORCE], columns.turned_in_all, strict=True):
+            turn = plus(turn, unknown, in_all)
+        if one.cause is Cause.GYRO and one.own:
+            axes = zip(columns.turned_in_all[:3], columns.turned[one.begun], strict=True)
+            for unknown, (in_all, before) in zip(found[-one.own :], axes, strict=True):
+                turn = plus(plus(turn, unknown, in_all), -unknown, before)
+        first, now = self._rows[0].begun.moment, self._known.moment
+        return tilt_and_heading(multiply(exp(turn), multiply(first.q_ns, conjugate(now.q_ns))))
+
+    def _is_seen(self, mine: Sequence[_Variant]) -> bool:
         """Whether the residuals are noise (chi square) and a sensor's fault began in the window."""
-        count = 2 * len(self._rows)
+        best, count = _likeliest(mine), 2 * len(self._rows)
         left = self._model.square - best.fit.explained
-        has_begun = best.own > 0 or best.cause not in (Cause.GYRO, Cause.ACCELEROMETER)
-        return has_begun and left < count + MISFIT_SIGMAS * math.sqrt(2.0 * count)
+        return _has_begun(mine) and left < count + MISFIT_SIGMAS * math.sqrt(2.0 * count)
 
     def _onsets(self) -> list[int]:
         """Rows at which a fault may begin."""
@@ -283,6 +333,7 @@ class _Comparison:
         broken = _failed(self._sound, _TILT, 2, BROKEN_TILT_RAD)
         force = model.fit(_failed(bent, _FORCE, 2, FAILED_FORCE_M_S2))
         heading = model.fit(_failed(self._sound, _HEADING, 1, FAILED_HEADING_RAD))
+        attitude = model.fit(_failed(broken, _HEADING, 1, FAILED_HEADING_RAD))
         # A large heading error also shortens the acceleration by its cosine.
         gained, most = self._columns.gained, 1.0 - math.cos(FAILED_HEADING_RAD)
         shapes = [[*(g[0] for g in gained), *(g[1] for g in gained)], *self._ramps(count)]
@@ -292,8 +343,9 @@ class _Comparison:
             _Variant(Cause.GYRO, model.fit(_failed(broken, _RATE, 3, BROKEN_RATE_RAD_S))),
             _Variant(Cause.ACCELEROMETER, force),
             _Variant(Cause.HEADING, since.fit(heading, (0,), most), 1),
-            _Variant(Cause.VELOCITY, since.fit(none, (1, 2), RAMP_M_S2), 2),
-            _Variant(Cause.VELOCITY, since.fit(model.fit(bent), (1, 2), RAMP_M_S2), 2),
+            _Variant(Cause.ATTITUDE, since.fit(attitude, (0,), most), 1),
+            _Variant(Cause.VELOCITY, since.fit(none, (1, 2), RAMP_M_S2), 2, drifts=True),
+            _Variant(Cause.VELOCITY, since.fit(model.fit(bent), (1, 2), RAMP_M_S2), 2, drifts=True),
         ]
 
     def _from_row(self, begun: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
@@ -313,12 +365,12 @@ class _Comparison:
             ],
         )
         return [
-            _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), FAILED_RATE_RAD_S), 3),
-            _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3),
+            _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), FAILED_RATE_RAD_S), 3, begun),
+            _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3, begun),
             _Variant(Cause.ACCELEROMETER, since.fit(none, (3, 4), FAILED_FORCE_M_S2), 2),
-            _Variant(Cause.VELOCITY, since.fit(none, (5, 6), RAMP_M_S2), 2),
-            _Variant(Cause.VELOCITY, since.fit(bent, (5, 6), RAMP_M_S2), 2),
-            _Variant(Cause.VELOCITY, since.fit(none, (5, 6, 7, 8), RAMP_M_S2), 4),
+            _Variant(Cause.VELOCITY, since.fit(none, (5, 6), RAMP_M_S2), 2, drifts=True),
+            _Variant(Cause.VELOCITY, since.fit(bent, (5, 6), RAMP_M_S2), 2, drifts=True),
+            _Variant(Cause.VELOCITY, since.fit(none, (5, 6, 7, 8), RAMP_M_S2), 4, drifts=True),
             _Variant(Cause.LATENCY, since.fit(none, (9, 10), FAILED_LAG_S), 2),
         ]
 
@@ -350,7 +402,7 @@ class _Comparison:
     def _rate(self, variants: Sequence[_Variant]) -> Vec3:
         """Error of the gyro's bias at present, without what the filter has corrected since."""
         mine = [one for one in variants if one.cause is Cause.GYRO]
-        best = max(mine, key=lambda one: one.fit.likelihood)
+        best = _likeliest(mine)
         found = best.fit.unknowns()
         x, y, z = found[_RATE : _RATE + 3]
         if best.own:
@@ -362,7 +414,7 @@ class _Comparison:
     def _force(self, variants: Sequence[_Variant]) -> Vec3:
         """Error of the accelerometer's bias at present, likewise."""
         mine = [one for one in variants if one.cause is Cause.ACCELEROMETER]
-        best = max(mine, key=lambda one: one.fit.likelihood)
+        best = _likeliest(mine)
         found = best.fit.unknowns()
         x, y = found[_FORCE : _FORCE + 2]
         if best.own:
@@ -391,6 +443,21 @@ class _Comparison:
             LAG_SIGMA_S,
             LAG_SIGMA_S**2 / 2.0,
         ]
+
+
+def _likeliest(variants: Sequence[_Variant]) -> _Variant:
+    return max(variants, key=lambda one: one.fit.likelihood)
+
+
+def _has_begun(mine: Sequence[_Variant]) -> bool:
+    """Whether a sensor's fault certainly began in the window; of other causes it need not."""
+    if mine[0].cause not in (Cause.GYRO, Cause.ACCELEROMETER):
+        return True
+    begun, constant = (
+        max((one.fit.likelihood for one in mine if (one.own > 0) is own), default=-math.inf)
+        for own in (True, False)
+    )
+    return begun - constant > math.log(DECIDED)
 
 
 def _failed(sigmas: Sequence[float], place: int, count: int, sigma: float) -> list[float]:

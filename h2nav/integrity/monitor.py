@@ -137,6 +137,7 @@ class Monitor:
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
+        self._drift_tilt_rad, self._drift_us = 0.0, 0
         self._field_used_us: int | None = None
         self._is_confirmed = False
         self._sample_us, self._period_us = 0, 0.0
@@ -248,6 +249,7 @@ class Monitor:
         self._explained_us = t_us
         known = Known(errors, mark.moment, self._rows.jitter_m_s)
         found = self._explained = explain(self._rows.rows, known)
+        self._note_drift(t_us, found)
         if found.is_contradiction and self._contradicted_us is None:
             self._contradicted_us = t_us
         if not found.is_suspicious:
@@ -260,6 +262,13 @@ class Monitor:
         elif t_us - self._suspected_us < SUSPECTED_US:
             return None
         return None if self.velocity_is_false else doubt_of(found)
+
+    def _note_drift(self, t_us: int, found: Explained) -> None:
+        """Notes the tilt by which a false velocity would bend the attitude, if it may be one."""
+        if found.is_suspicious:
+            self._drift_us = t_us
+        if t_us - self._drift_us < LONG_S * 1e6:
+            self._drift_tilt_rad = max(self._drift_tilt_rad, found.drift_m_s2 / GRAVITY_M_S2)
 
     def _spacing_us(self, t_us: int) -> int:
         """Least time between explanations: the beginning of a contradiction needs the most."""
@@ -320,10 +329,11 @@ class Monitor:
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""
-        if self._tilt_rad == 0.0 and self._heading_rad == 0.0:
+        tilt_rad = max(self._tilt_rad, self._drift_tilt_rad)
+        if tilt_rad == 0.0 and self._heading_rad == 0.0:
             return estimate
         return estimate._replace(
-            sigma_tilt_rad=math.hypot(estimate.sigma_tilt_rad, self._tilt_rad),
+            sigma_tilt_rad=math.hypot(estimate.sigma_tilt_rad, tilt_rad),
             sigma_heading_rad=math.hypot(estimate.sigma_heading_rad, self._heading_rad),
         )
 
@@ -355,6 +365,12 @@ class Monitor:
             if window.ratio > (open_ratio if window.length_s > SURE_S else 1.0)
         ]
         headings = []
+        if self._explained.is_suspicious:
+            tilts.append(self._explained.tilt_rad)
+            headings.append(self._explained.heading_rad)
+        # A drift that went on would have left what the vehicle's velocity can be.
+        gone = JUDGED_S * GRAVITY_M_S2 / self._speeds.horizontal_m_s
+        self._drift_tilt_rad /= 1.0 + gone * self._drift_tilt_rad
         if ratios.force_10s > OPEN_RATIO:
             tilts.append(math.hypot(*self._change_n[:2]) / (GRAVITY_M_S2 * LONG_S))
         if ratios.of_turn > OPEN_RATIO:

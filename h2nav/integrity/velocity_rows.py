@@ -95,7 +95,7 @@ class _OpenRow:
         for j, axis in enumerate(axes):
             self._add(TURNED + j, -dt_s, axis)
             self._add(TURNED + 3 + j, -angle[j], axis)
-            used = _plus(used, -0.5 * dt_s * (a.bias_b[j] + b.bias_b[j]), axis)
+            used = plus(used, -0.5 * dt_s * (a.bias_b[j] + b.bias_b[j]), axis)
         self._add(TURNED + USED, 1.0, used)
         turned = _vectors(self._integrals)[TURNED:BENT]
         for j, turn_s in enumerate(turned):
@@ -194,12 +194,17 @@ class VelocityColumns(NamedTuple):
         gained: of the rows, NED, m/s.
         turned: from the beginning of the window to that of each row, by a bias of each axis of the
             gyro, per unit, NED.
+        turned_in_all: from the beginning of the window to its end, by bias and scale of each axis,
+            likewise.
+        used_n: to be added to the strapdown's turn: it used later biases than the window's first.
     """
 
     left: list[float]
     of: list[list[float]]
     gained: list[Vec3]
     turned: list[tuple[Vec3, Vec3, Vec3]]
+    turned_in_all: tuple[Vec3, ...]
+    used_n: Vec3
 
     def from_row(self, begun: int, j: int) -> list[float]:
         """The column of a bias of one gyro axis that begins with a row, from there on."""
@@ -253,7 +258,11 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
         turns.append((_in_n(to_n, x), _in_n(to_n, y), _in_n(to_n, z)))
         turned = [_sum(t, more) for t, more in zip(turned, own[TURNED:BENT], strict=True)]
     left, *of = [list(column) for column in zip(*levels[0], *levels[1], strict=True)]
-    return VelocityColumns(left, of, gained, turns)
+    *in_all, used = [_in_n(to_n, t) for t in turned]
+    used = plus(NOTHING, -1.0, used)
+    for bias, per_unit in zip(bias_b, in_all, strict=False):
+        used = plus(used, bias, per_unit)
+    return VelocityColumns(left, of, gained, turns, tuple(in_all), used)
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
@@ -271,7 +280,8 @@ def _vectors(flat: Iterable[float]) -> list[Vec3]:
     return list(zip(numbers, numbers, numbers, strict=True))
 
 
-def _plus(a: Vec3, size: float, b: Vec3) -> Vec3:
+def plus(a: Vec3, size: float, b: Vec3) -> Vec3:
+    """A + size b."""
     return (a[0] + size * b[0], a[1] + size * b[1], a[2] + size * b[2])
 
 

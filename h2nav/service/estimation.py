@@ -41,6 +41,8 @@ from h2nav.wire.vehicle import ParameterValue, Vibration
 LOOK_NS = 50_000_000
 # A new epoch reaches every lane within this time.
 EPOCH_NS = 10 * SECOND_NS
+# Fields of samples further apart in time are those of different attitudes.
+SAME_FIELD_US = 100_000
 # Two lanes whose attitudes differ.
 APART_RAD = math.radians(2.0)
 
@@ -362,13 +364,16 @@ class Estimation:
         lanes = [lane for lane in self._lanes if not lane.is_silent(t_ns) and lane.has_estimate]
         shown = [lane for lane in lanes if lane.monitor.heading_is_shown]
         level = self._lane if self._lane in shown or not shown else shown[0]
-        estimate = level.estimate
-        if estimate is None:
+        estimate, newest = level.estimate, level.newest
+        if estimate is None or newest is None:
             return
         fields = {
             lane.imu: lane.newest.m_b_ut
             for lane in lanes
-            if lane.newest is not None and lane.newest.m_b_ut is not None and not lane.field_is_raw
+            if lane.newest is not None
+            and lane.newest.m_b_ut is not None
+            and not lane.field_is_raw
+            and abs(lane.newest.t_us - newest.t_us) <= SAME_FIELD_US
         }
         fits = {lane.imu: lane.monitor.field_fits for lane in lanes}
         compasses = self._compasses

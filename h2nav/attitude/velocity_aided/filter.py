@@ -261,6 +261,12 @@ class VelocityAidedFilter(VelocityAidedShell):
             x, y = force
             s.p_accel[0], s.p_accel[2] = max(s.p_accel[0], x), max(s.p_accel[2], y)
 
+    def _open_attitude(self, tilt_rad: float, heading_rad: float) -> None:
+        s = self._state
+        variance = min(heading_rad * heading_rad, self._gains.kernel.heading_variance)
+        s.extra_tilt_sigma = max(s.extra_tilt_sigma, min(tilt_rad, 0.5 * math.pi))
+        s.heading_variance = max(s.heading_variance, variance)
+
     def _set_gyro_variance(self, variance: Vec3) -> None:
         s = self._state
         s.p_xx, s.p_yy, s.p_zz = variance

@@ -77,8 +77,9 @@ class HeadingWitness:
     def __init__(self) -> None:
         self.clear()
 
-    def clear(self) -> None:
-        """Forgets everything."""
+    def clear(self, blind_s: float = 0.0) -> None:
+        """Forgets everything, and uses no fix for a while: what is felt is known to be wrong."""
+        self._blind_s = blind_s
         self._fixes = 0
         self._velocity = 0j
         self._gained = [0j] * len(LATENCIES_S)
@@ -113,6 +114,9 @@ class HeadingWitness:
             sigma_m_s: deviation of the velocity.
             walk_m2_s2: variance of the felt velocity within the high-passes; `velocity_walk`.
         """
+        if self._blind_s > 0.0:
+            self._blind_s -= period_s
+            return None
         velocity = complex(v_n[0], v_n[1])
         back = cmath.exp(-1j * turned_rad) * GRAVITY_M_S2
         felt = [complex(*part) for part in gained]
@@ -159,15 +163,16 @@ class HeadingWitness:
         for i, high_pass in enumerate(self._felt):
             complexes += [self._gained[i], high_pass.first, high_pass.second, self._product[i]]
         flat = [part for number in complexes for part in (number.real, number.imag)]
-        return (self._fixes, self._power, self._noise, self._weight, *self._energy, *flat)
+        head = (self._blind_s, self._fixes, self._power, self._noise, self._weight)
+        return (*head, *self._energy, *flat)
 
     def load(self, values: Sequence[float]) -> None:
         """Continues where `values` was taken."""
         count = len(LATENCIES_S)
-        self._fixes = int(values[0])
-        self._power, self._noise, self._weight = values[1:4]
-        self._energy = list(values[4 : 4 + count])
-        flat = values[4 + count :]
+        self._blind_s, self._fixes = values[0], int(values[1])
+        self._power, self._noise, self._weight = values[2:5]
+        self._energy = list(values[5 : 5 + count])
+        flat = values[5 + count :]
         numbers = [complex(flat[i], flat[i + 1]) for i in range(0, len(flat), 2)]
         self._velocity, self._measured.first, self._measured.second = numbers[:3]
         for i, high_pass in enumerate(self._felt):

@@ -180,13 +180,16 @@ class VelocityAidedShell(ABC):
         x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in doubt.rate_b)
         known = self.sensor_errors.gyro_variance
         if any(new > NEWS * old for new, old in zip((x, y, z), known, strict=True)):
-            # The velocity felt until now was bent by an undetected gyro error.
-            self._witness.clear()
+            # An undetected gyro error has bent the velocity felt until now, and bends it until the
+            # tilt is corrected.
+            self._witness.clear(HIGH_PASS_S)
         force = None
         if self._gained() is not None and g.accel_variance > 0.0:
             a, b = (min((sigma / g.gravity) ** 2, MOST_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
             force = (a, b)
         self._open_biases((x, y, z), force)
+        if doubt.tilt_rad > 0.0:
+            self._open_attitude(doubt.tilt_rad, doubt.heading_rad)
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
         """Starts with sensors whose errors are corrected, known as well as so long ago."""
@@ -340,6 +343,10 @@ class VelocityAidedShell(ABC):
     @abstractmethod
     def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
         """Raises the biases' variances to these, (rad/s)^2 and g^2."""
+
+    @abstractmethod
+    def _open_attitude(self, tilt_rad: float, heading_rad: float) -> None:
+        """Raises the deviations of tilt and heading to these."""
 
     @abstractmethod
     def _set_gyro_variance(self, variance: Vec3) -> None:

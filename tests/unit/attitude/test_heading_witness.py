@@ -115,3 +115,17 @@ def test_a_witness_loaded_from_its_values_goes_on_identically() -> None:
     assert again.values() == witness.values()
     assert watch(again, 1.0, (17.0, 30.0)) == watch(witness, 1.0, (17.0, 30.0))
     assert again.values() == witness.values()
+
+
+def test_a_blind_witness_takes_nothing_of_that_time_and_then_starts_anew() -> None:
+    """A tilt that is being corrected would turn the heading."""
+    witness = HeadingWitness()
+    witness.clear(4.0)
+    found = watch(witness, 40.0 * DEG, (0.0, 4.0))
+    assert found == [None] * 20
+    copy = HeadingWitness()
+    copy.load(witness.values())
+    for one in (witness, copy):
+        last = watch(one, 0.0, (4.0, 44.0))[-1]
+        assert last is not None
+        assert abs(last.turn_rad) < 3.0 * last.sigma_rad < 15.0 * DEG

@@ -4,7 +4,16 @@ import math
 
 import pytest
 from needs import DEG
-from velocity_flights import Drive, accelerating, follow, new_filter, part, tilt_errors, turning
+from velocity_flights import (
+    Drive,
+    accelerating,
+    follow,
+    new_filter,
+    new_integer_filter,
+    part,
+    tilt_errors,
+    turning,
+)
 
 from h2nav.attitude.samples import SensorDoubt
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -54,3 +63,20 @@ def test_what_is_unexpected_raises_it_at_once(drive: Drive, what: str) -> None:
     else:
         follow(filter_, rest._replace(v_n=[(v[0] + 20.0, v[1], v[2]) for v in rest.v_n]))
     assert filter_.kernel_state.unused_variance == 0.0
+
+
+@pytest.mark.parametrize("kind", ["floats", "integers"])
+def test_an_attitude_that_a_failed_sensor_has_bent_is_opened_and_stays_bounded(
+    drive: Drive, kind: str
+) -> None:
+    made = new_filter if kind == "floats" else new_integer_filter
+    filter_ = made(knows_field=True)
+    found = follow(filter_, part(drive, 0, 6000))
+    assert found[-1] is not None
+    assert found[-1].sigma_tilt_rad < 1.0 * DEG
+    for tilt_rad, least, most in ((0.2, 0.15, 0.21), (1e6, 1.0, math.pi)):
+        filter_.doubt(SensorDoubt(tilt_rad=tilt_rad, heading_rad=tilt_rad))
+        opened = filter_.update(drive.flight.samples[6000 + round(tilt_rad > 1.0)])
+        assert opened is not None
+        assert least < opened.sigma_tilt_rad < most
+        assert 0.08 < opened.sigma_heading_rad < math.pi

@@ -147,11 +147,16 @@ LENGTH_S = 10.0
 
 
 def signature(
-    heading_rad=0.0, force_at=lambda t_s: (0.0, 0.0, 0.0), v_at=None, errors=ERRORS, seed=1
+    heading_rad=0.0,
+    force_at=lambda t_s: (0.0, 0.0, 0.0),
+    v_at=None,
+    errors=ERRORS,
+    seed=1,
+    tilt_rad=0.0,
 ):
-    """What 10 s show of a flight whose dead reckoning starts with this heading error."""
+    """What 10 s show of a flight whose dead reckoning starts with these errors."""
     drive = accelerating(LENGTH_S + 0.5, seed, law=turning, bias_b=(0.0, 0.0, 0.0))
-    q_ns = quaternion.from_euler(0.0, 0.0, heading_rad)
+    q_ns = quaternion.from_euler(tilt_rad, 0.0, heading_rad)
     rng = np.random.default_rng(seed)
     rows, gained, before = VelocityRows(), np.zeros(3), None
     for i, q_nb in enumerate(drive.flight.q_nb):
@@ -189,6 +194,24 @@ def test_a_wrong_heading_turns_the_acceleration(heading_deg):
     assert found.decided is Cause.HEADING
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_wrong_attitude_is_no_false_velocity_and_opens_the_deviations(seed):
+    found = signature(20.0 * DEG, tilt_rad=12.0 * DEG, seed=seed)
+    assert found.is_contradiction
+    assert found.decided in (None, Cause.ATTITUDE)
+    assert found.tilt_rad == pytest.approx(12.0 * DEG, rel=0.2)
+    assert found.heading_rad == pytest.approx(20.0 * DEG, rel=0.3)
+    doubt = doubt_of(found)
+    assert doubt is not None
+    assert (doubt.tilt_rad > 0.0) is (found.decided is Cause.ATTITUDE)
+
+
+def test_a_drift_opens_the_tilt_by_what_it_would_bend():
+    found = signature(v_at=lambda t_s, v_n: ramp(35.0 + t_s, v_n[round(100.0 * t_s)]))
+    assert found.share(Cause.VELOCITY) > 0.9
+    assert found.drift_m_s2 == pytest.approx(0.7, rel=0.2)
+
+
 def test_vibration_that_the_samples_show_is_named():
     rng = np.random.default_rng(3)
 
@@ -217,6 +240,8 @@ def test_an_accelerometer_is_named_only_where_it_was_seen_to_fail():
     found = since(4.0)
     assert found.decided is Cause.ACCELEROMETER
     assert found.step == pytest.approx(math.hypot(0.7, 0.5), abs=0.15)
+    # ... and certainly began there.
+    assert since(0.4).decided is None
     # Off all the time: it may be what was learnt of it that is wrong.
     found = since(0.0)
     assert found.share(Cause.ACCELEROMETER) > 0.5

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState
+from h2nav.integrity.findings import Kind
 from h2nav.recordings.listener import Listener
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
@@ -49,6 +50,7 @@ class Flight:
         self.frozen = set()
         self.without_force = set()
         self.biases = {}
+        self.field, self.fields = (22.0, 0.0, -42.0), {}
         self.outcomes = []
         self.texts = []
         self._random = random.Random(1)
@@ -80,9 +82,8 @@ class Flight:
             return
         t_us = START_US + self.tick * 10_000 + 400
         imu = self.highres_holds if message_id == HIGHRES else None
-        reading = ImuReading(
-            t_us // UNIT_US[message_id], *values, (22.0, 0.0, -42.0), clipped=False, imu=imu
-        )
+        field = self.fields.get(message_id, self.field)
+        reading = ImuReading(t_us // UNIT_US[message_id], *values, field, clipped=False, imu=imu)
         outcome = self.estimation.take(t_ns, message_id, reading)
         if outcome.switched:
             self.texts.append(outcome.switched)
@@ -296,3 +297,28 @@ def test_a_filter_is_told_how_late_its_samples_are_once_their_period_is_known():
     assert field_s == pytest.approx(0.05)
     unled, estimate = flight.outcomes[-1].unled, flight.outcomes[-1].estimate
     assert estimate.q_nb != unled.q_nb, "the attitude is led to the time of its sample"
+
+
+def compasses_differ(flight):
+    return any(alarm.kind is Kind.COMPASSES_DIFFER for alarm in flight.estimation.alarms())
+
+
+def test_fields_of_different_times_are_not_compared():
+    """After a silence of the whole link a lane is not silent, but its newest field is old."""
+    flight = Flight()
+    flight.run(10.0)
+    flight.sends, flight.field = (HIGHRES,), (-22.0, 0.0, -42.0)
+    for _ in range(20):
+        flight.run(0.2)
+        flight.tick += 50
+    assert not [
+        alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER
+    ]
+    flight.sends = (HIGHRES, SECOND)
+    flight.run(5.0)
+    assert not [
+        alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER
+    ]
+    flight.fields = {SECOND: (22.0, 0.0, -42.0)}
+    flight.run(5.0)
+    assert [alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER]

@@ -39,6 +39,7 @@ from h2nav.attitude.velocity_aided.integer.kernel.velocity import begin_frames
 from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
     THETA_MOST,
+    TILT_SIGMA_MOST,
     VARIANCE_LEAST,
     Gains,
     Sample,
@@ -499,6 +500,13 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         if force is not None:
             x, y = (min(round(variance / _FORCE_UNIT), THETA_MOST) for variance in force)
             s.p_accel[0], s.p_accel[2] = max(s.p_accel[0], x), max(s.p_accel[2], y)
+
+    def _open_attitude(self, tilt_rad: float, heading_rad: float) -> None:
+        s = self._state
+        sigma = min(row(State, "extra_tilt_sigma").fixed(tilt_rad), TILT_SIGMA_MOST)
+        s.extra_tilt_sigma = max(s.extra_tilt_sigma, sigma)
+        variance = min(round(heading_rad**2 / _HEADING_UNIT), self._g.heading_variance)
+        s.heading_variance = max(s.heading_variance, variance)
 
     def _set_gyro_variance(self, variance: Vec3) -> None:
         s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
