@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 
 from h2nav.apps.pipeline import Pipeline
 from h2nav.host.host_clock import UnixClock
@@ -48,7 +47,7 @@ class StopSignals:
         before = {number: signal.getsignal(number) for number in STOPPING}
         before_fd = signal.set_wakeup_fd(self._waker.fileno(), warn_on_full_buffer=False)
         for number in before:
-            signal.signal(number, self._stop)
+            signal.signal(number, lambda *_: self.stop())
         try:
             yield self
         finally:
@@ -58,7 +57,8 @@ class StopSignals:
             self.wake.close()
             self._waker.close()
 
-    def _stop(self, _number: int, _frame: FrameType | None) -> None:
+    def stop(self) -> None:
+        """As a signal does, from within the process."""
         self.stopped = True
 
 

@@ -233,7 +233,8 @@ class _User:
 
     def _pass_on(self, line: str) -> None:
         if line.strip() == QUIT:
-            self.has_quit = self._stop.stopped = True
+            self.has_quit = True
+            self._stop.stop()
         else:
             self.has_ordered = True
             self._autopilot.order(line)

@@ -171,7 +171,7 @@ class LiveView:
 
     def _heard(self, word: Word) -> list[Notice]:
         self._trouble = word.trouble
-        self.feed.wants_all = word.wants_all
+        self.feed.want_all(word.wants_all)
         if word.port in (0, self._shown_port):
             return []
         self._shown_port = word.port

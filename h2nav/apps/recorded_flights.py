@@ -28,5 +28,5 @@ def play(path: Path, wished: Wishes) -> HeardFlight:
     for t_ns in playback.through(*pipelines):
         autopilot.time(t_ns)
     for run, pipeline in zip(runs.values(), pipelines, strict=True):
-        run.state_s = pipeline.service.state_s
+        run.end(pipeline.service.state_s)
     return HeardFlight(autopilot, runs)

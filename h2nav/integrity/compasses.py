@@ -64,14 +64,26 @@ class _Compass:
         self.test = Lasting()
         self.is_wrong: bool | None = None
 
-    def take(self, t_us: int, direction: complex) -> None:
-        """Adds the direction of a field, of length 1."""
+    def take(self, t_us: int, direction: complex, field_b: Vec3, fits: bool | None) -> None:
+        """Adds a field, its direction of length 1, and whether norm and dip are the earth's."""
+        self.field_b = field_b
+        self.is_misfit |= fits is False
         before_us, self.t_us = self.t_us, t_us
         if before_us is None or t_us - before_us > STALE_US:
             self.heading = direction
             return
         share = min((t_us - before_us) / SMOOTHING_US, 1.0)
         self.heading += share * (direction - self.heading)
+
+    def compare(self, t_us: int, ratio: float) -> None:
+        """Takes the test ratio of its heading to one confirmed by velocities."""
+        self.test.take(t_us, ratio)
+        if self.test.is_raised or ratio < AGREE:
+            self.is_wrong = self.test.is_raised
+
+    def acquit(self) -> None:
+        """No other compass differs from it."""
+        self.is_wrong, self.is_misfit = None, False
 
     def is_fresh(self, t_us: int) -> bool:
         """Whether it has sent a field recently."""
@@ -81,14 +93,20 @@ class _Compass:
 class Compasses:
     """All compasses of a vehicle, by the number of their IMU, from 0.
 
+    Args:
+        field: the earth's; None if unknown.
+
     Attributes:
-        reference: the earth's field; None if unknown.
         wrong: compasses known to be wrong.
     """
 
-    def __init__(self) -> None:
-        self.reference: EarthField | None = None
+    def __init__(self, field: EarthField | None = None) -> None:
+        self._earth = field
         self.restart()
+
+    def use_field(self, field: EarthField) -> None:
+        """Takes the earth's field."""
+        self._earth = field
 
     def restart(self) -> None:
         """Restarts for another vehicle, or another clock."""
@@ -114,9 +132,7 @@ class Compasses:
             flat = math.hypot(north, east)
             if flat > LEAST_LEVEL * math.hypot(*field):
                 compass = self._compasses.setdefault(number, _Compass())
-                compass.take(t_us, complex(north, east) / flat)
-                compass.field_b = field
-                compass.is_misfit |= (fits or {}).get(number) is False
+                compass.take(t_us, complex(north, east) / flat, field, (fits or {}).get(number))
         fresh = [n for n in sorted(self._compasses) if self._compasses[n].is_fresh(t_us)]
         for pair in itertools.combinations(fresh, 2):
             ratio = min(self._ratio(*pair), MOST_RATIO)
@@ -187,9 +203,9 @@ class Compasses:
     @property
     def _limit_rad(self) -> float:
         """The largest difference of two calibrated compasses."""
-        if self.reference is None:
+        if self._earth is None:
             return USUAL_RAD
-        level = max(math.cos(self.reference.dip_rad), UNCALIBRATED)
+        level = max(math.cos(self._earth.dip_rad), UNCALIBRATED)
         limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
         return min(max(limit, LEAST_RAD), MOST_RAD)
 
@@ -206,17 +222,15 @@ class Compasses:
 
     def _judge_by_velocity(self, t_us: int, fresh: list[int], level: Level) -> None:
         """Tests against a heading confirmed by velocities, whose error is below the limit."""
-        if not level.is_shown or self.reference is None:
+        if not level.is_shown or self._earth is None:
             return
         for number in fresh:
             compass = self._compasses[number]
             off = math.remainder(
-                cmath.phase(compass.heading) - self.reference.declination_rad, math.tau
+                cmath.phase(compass.heading) - self._earth.declination_rad, math.tau
             )
             ratio = min(abs(off) / self._limit_rad, MOST_RATIO)
-            compass.test.take(t_us, ratio)
-            if compass.test.is_raised or ratio < AGREE:
-                compass.is_wrong = compass.test.is_raised
+            compass.compare(t_us, ratio)
 
     def _decide(self, fresh: list[int]) -> None:
         """Decides which ones are wrong, and which pairs stay undecided."""
@@ -234,8 +248,7 @@ class Compasses:
         self._open = [pair for pair in apart if not wrong.intersection(pair)]
         for number in fresh:
             if number not in concerned:
-                self._compasses[number].is_wrong = None
-                self._compasses[number].is_misfit = False
+                self._compasses[number].acquit()
 
     def _misfit(self, pair: tuple[int, int]) -> tuple[int, ...]:
         """The one of two whose norm or dip is not the earth's, if the other's are."""

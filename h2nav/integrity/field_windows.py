@@ -71,6 +71,10 @@ class FieldWindows:
         self.reference: EarthField | None = None
         self._rows: deque[FieldRow] = deque(maxlen=ROWS)
 
+    def use_field(self, field: EarthField | None) -> None:
+        """Takes the earth's field."""
+        self.reference = field
+
     def restart(self) -> None:
         """Restarts: no earlier row may be compared with later ones."""
         self._rows.clear()

@@ -149,8 +149,8 @@ class Monitor:
         """A new monitor of the same IMU, for a restarted clock."""
         fresh = Monitor(self._imu, self._speeds)
         fresh.use_vehicle(self._vehicle)
-        fresh._field.reference = self._field.reference
-        fresh._watch.gains.field_delay_s = self._watch.gains.field_delay_s
+        fresh._field.use_field(self._field.reference)
+        fresh._watch.use_field_delay(self._watch.gains.field_delay_s)
         return fresh
 
     def check(self, sample: ImuSample) -> Use:
@@ -307,7 +307,7 @@ class Monitor:
 
     def use_field(self, field: EarthField) -> None:
         """Takes the earth's field."""
-        self._field.reference = field
+        self._field.use_field(field)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Takes the autopilot's report of the vehicle."""
@@ -315,7 +315,7 @@ class Monitor:
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Takes the sensors' delays."""
-        self._watch.gains.field_delay_s = max(delays.field_s - delays.gyro_s, 0.0)
+        self._watch.use_field_delay(max(delays.field_s - delays.gyro_s, 0.0))
 
     def restart(self) -> None:
         """Forgets integrals; faults stay until they are seen to be resolved."""

@@ -105,7 +105,7 @@ class Strapdown:
         """Restarts: nothing earlier may be compared with what follows."""
         self.t_us = None
         self._past.clear()
-        self._watch.memory.is_running = 0.0
+        self._watch.interrupt()
 
     def add(self, t_us: int, estimate: AttitudeEstimate) -> int:
         """Continues with the sample checked last, of this time, and its estimate.

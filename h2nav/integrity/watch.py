@@ -36,6 +36,14 @@ class Watch:
         self._measure = writer(sample, Sample, "t_us", "clipped")
         self._give_rate = writer(sample, Sample, "rate", "rate")
 
+    def use_field_delay(self, delay_s: float) -> None:
+        """Takes how much later than the rates the field is measured."""
+        self.gains.field_delay_s = delay_s
+
+    def interrupt(self) -> None:
+        """Nothing of the past may be integrated with the next sample."""
+        self.memory.is_running = 0.0
+
     def check(self, sample: ImuSample) -> int:
         """Takes a sample before the filter does; returns the bits of `kernel.checks.check`."""
         t_us, (p, q, r), (f_x, f_y, f_z), m_b_ut, clipped = sample

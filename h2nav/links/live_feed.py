@@ -110,6 +110,10 @@ class LiveFeed:
         self.refused = 0
         self.wants_all = False
 
+    def want_all(self, wants_all: bool) -> None:
+        """Takes whether a viewer displays every sample."""
+        self.wants_all = wants_all
+
     def begin(self, end: socket.socket, greeting: Greeting) -> None:
         """Connects a viewer; `end` is the daemon's of `feed_sockets`."""
         end.setblocking(False)

@@ -1,5 +1,7 @@
 """The page's stream of Server-Sent Events, encoded once for all viewers."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import orjson
@@ -30,6 +32,16 @@ class Broadcast:
         self._told: tuple[object, ...] = ()
         self.viewers = 0
         self.events: dict[str, bytes] = {}
+
+    @contextmanager
+    def viewer(self) -> Iterator[None]:
+        """Counts one more viewer, and shows it everything."""
+        self.viewers += 1
+        try:
+            self.renew()
+            yield
+        finally:
+            self.viewers -= 1
 
     def start(self) -> None:
         """Starts on the running event loop."""

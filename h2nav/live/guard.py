@@ -122,7 +122,16 @@ class _Client(_Leg):
         self._guard = guard
         self._said = 0
         self._timer: asyncio.TimerHandle | None = None
-        self.is_answered = False
+        self._is_answered = False
+
+    def connect(self, behind: "_Leg") -> None:
+        """The connection behind is open."""
+        self.other = behind
+        self.transport.resume_reading()
+
+    def answered(self) -> None:
+        """The server has answered it."""
+        self._is_answered = True
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.transport = cast(asyncio.Transport, transport)
@@ -146,7 +155,7 @@ class _Client(_Leg):
         super().connection_lost(error)
 
     def _look(self) -> None:
-        if not self.is_answered:
+        if not self._is_answered:
             self.hang_up()
             return
         self._said = 0
@@ -167,9 +176,9 @@ class _Behind(_Leg):
         if self._client.transport.is_closing():
             self.hang_up()
             return
-        self.other, self._client.other = self._client, self
-        self._client.transport.resume_reading()
+        self.other = self._client
+        self._client.connect(self)
 
     def data_received(self, data: bytes) -> None:
-        self._client.is_answered = True
+        self._client.answered()
         super().data_received(data)

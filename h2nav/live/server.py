@@ -210,16 +210,10 @@ class _Events(_Handler):
             raise HTTPError(503)
         self.set_header("Content-Type", "text/event-stream")
         self.set_header("X-Accel-Buffering", "no")
-        broadcast.viewers += 1
-        try:
+        with contextlib.suppress(StreamClosedError), broadcast.viewer():
             await self._stream(broadcast)
-        except StreamClosedError:
-            pass
-        finally:
-            broadcast.viewers -= 1
 
     async def _stream(self, broadcast: Broadcast) -> None:
-        broadcast.renew()
         self.write(f"retry: {AGAIN_MS}\n\n")
         seen: dict[str, bytes] = {}
         while True:

@@ -5,7 +5,6 @@ exceed its limits.
 """
 
 import math
-import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -18,7 +17,6 @@ MOST_REASONS = 500
 MOST_FINDINGS = 1000
 MOST_SOURCES = 20
 NS_PER_S = 1e9
-_DIGITS = re.compile(r"[0-9]+")
 
 
 class StateSpan(NamedTuple):
@@ -104,8 +102,8 @@ class Account:
 
     def _take_health(self, log_ns: int, values: Mapping[str, Any]) -> None:
         state, reason = _text(values.get("state")), _text(values.get("reason"))
-        # Earlier logs have no cause; there, only the figures in a reason change while it lasts.
-        cause = _text(values.get("cause")) or _DIGITS.sub("#", reason)
+        # The oldest logs have no cause: their periods are those of the state.
+        cause = _text(values.get("cause"))
         if self._states:
             self._states[-1] = (*self._states[-1][:3], log_ns)
             if (state, cause) == self._cause:

@@ -38,6 +38,10 @@ class Stretch:
         self.identity: Identity | None = None
         self._rows = bytearray()
 
+    def begin(self, identity: Identity | None) -> None:
+        """Takes the autopilot's identity."""
+        self.identity = identity
+
     def __len__(self) -> int:
         return len(self._rows) // _ROW.size
 
@@ -158,7 +162,7 @@ class Listener:
             for what in (self._vehicle, self._field, self._delays):
                 if what is not None:
                     self._keep(what)
-        self.stretches[-1].identity = self.identity
+        self.stretches[-1].begin(self.identity)
 
     def state(self) -> FilterState:
         """Returns an empty state: nothing has to be continued."""

@@ -122,8 +122,7 @@ class Estimation:
         ]
         self._epoch_ns = None
         self._begin_epoch()
-        self._compasses = Compasses()
-        self._compasses.reference = self._field
+        self._compasses = Compasses(self._field)
         self._takers = []
         for lane in self._lanes:
             if self._field is not None:
@@ -265,7 +264,7 @@ class Estimation:
     def use_field(self, field: EarthField) -> None:
         """Passes the earth field to every present and later filter."""
         self._field = field
-        self._compasses.reference = field
+        self._compasses.use_field(field)
         self._before_arming.on_earth(field)
         for lane in self._lanes:
             lane.use_field(field)

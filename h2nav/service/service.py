@@ -108,6 +108,13 @@ class Job:
     pause_ns: Callable[[], int]  # until the next time
     due_ns: int = 0  # the next time
 
+    def effects(self, t_ns: int) -> list[Effect]:
+        """Does it if it is due."""
+        if t_ns < self.due_ns:
+            return []
+        self.due_ns = t_ns + self.pause_ns()
+        return self.run(t_ns)
+
 
 class Service:
     """Processes events and returns effects."""
@@ -394,9 +401,7 @@ class Service:
         """Does what is due: heartbeats, requests, reports. Called at `next_timer_ns`."""
         effects = self._judge(t_ns)
         for job in self._jobs:
-            if t_ns >= job.due_ns:
-                job.due_ns = t_ns + job.pause_ns()
-                effects += job.run(t_ns)
+            effects += job.effects(t_ns)
         if self._link_error is None:
             effects += [self._send(text) for text in self._notices.status_texts(t_ns)]
         return effects

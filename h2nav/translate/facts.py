@@ -87,6 +87,11 @@ class FunctionFacts:
     structures: dict[str, Structure] = field(default_factory=dict)  # the arguments that are records
     result: Scalar | None = None  # hull of the returned values; None when nothing is returned
 
+    def returns(self, scalar: Scalar) -> bool:
+        """Adds a returned value; False if it is a number of another kind than those before."""
+        self.result = join_scalars(self.result or scalar, scalar)
+        return self.result is not None
+
 
 @dataclass(slots=True)
 class Facts:

@@ -143,7 +143,7 @@ class _Analysis:
         known.arrays.update(found.arrays)
         known.structures.update(found.structures)
         if found.result is not None:
-            known.result = join_scalars(known.result or found.result, found.result)
+            known.returns(found.result)
 
 
 class _Frame:
@@ -325,8 +325,7 @@ class _Frame:
     def _return(self, value: ast.expr | None, state: ScopeState) -> None:
         if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
             scalar = self._expressions.scalar(value, state)
-            self._found.result = join_scalars(self._found.result or scalar, scalar)
-            if self._found.result is None:
+            if not self._found.returns(scalar):
                 raise self._refuse(value, "returns sometimes an integer, sometimes a float")
         self._returned = join_states(self._returned, state)
 

@@ -53,6 +53,16 @@ def record_type(msg_id: int) -> type[Any]:
     return _RECORDS[msg_id]
 
 
+class _Sender(ardupilotmega.MAVLink):  # type: ignore[misc]
+    """pymavlink's own state of a sender."""
+
+    seq: int
+
+    def count(self) -> None:
+        """A frame was made."""
+        self.seq = (self.seq + 1) % 256
+
+
 class Encoder:
     """Encodes the frames of one component and numbers them.
 
@@ -66,7 +76,7 @@ class Encoder:
     def __init__(
         self, sysid: int, compid: int, version: int = 2, signer: Signer | None = None
     ) -> None:
-        self._sender = ardupilotmega.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+        self._sender = _Sender(None, srcSystem=sysid, srcComponent=compid)
         self._version_1 = version == 1
         self._signer = signer
 
@@ -86,7 +96,7 @@ class Encoder:
             frame: bytes = message.pack(self._sender, force_mavlink1=self._version_1)
         except (StructError, TypeError) as error:
             raise ValueError(f"{message.get_type()} cannot be encoded: {error}") from error
-        self._sender.seq = (self._sender.seq + 1) % 256
+        self._sender.count()
         return frame if self._signer is None else self._signer.signed(frame)
 
 

@@ -35,6 +35,10 @@ SPEED = re.compile(rf"\b({COUNT}) (x|times) (as fast|faster|slower|quicker|as lo
 FIGURE = re.compile(r"\(figure (\w+)\.(\w+)\)")
 
 
+# What runs kernels fills their records, which are plain data.
+KERNELS_RUN_IN = ("h2nav/attitude/", "h2nav/integrity/watch.py")
+
+
 def classes(path: str) -> Iterator[ast.ClassDef]:
     return (node for node in TREES[path].body if isinstance(node, ast.ClassDef))
 
@@ -101,6 +105,47 @@ def test_the_rule_sees_a_text_that_is_parsed() -> None:
         assert is_parsed(ast.parse(expression, mode="eval").body), expression
     for expression in ("a.text + b", "write(a.text)", "a.cause.split()", "a.text in seen"):
         assert not is_parsed(ast.parse(expression, mode="eval").body), expression
+
+
+def test_no_object_sets_an_attribute_of_another_one_that_it_holds() -> None:
+    found = [
+        f"{path}:{target.lineno}: {ast.unparse(target)}"
+        for path, tree in TREES.items()
+        if not path.startswith(KERNELS_RUN_IN)
+        for node in ast.walk(tree)
+        for target in targets(node)
+        if is_of_a_part(target)
+    ]
+    assert found == []
+
+
+def targets(node: ast.AST) -> Iterator[ast.expr]:
+    """What a statement assigns to."""
+    assigned = getattr(node, "targets", []) if isinstance(node, ast.Assign) else []
+    if isinstance(node, ast.AugAssign | ast.AnnAssign):
+        assigned = [node.target]
+    for target in assigned:
+        yield from target.elts if isinstance(target, ast.Tuple | ast.List) else (target,)
+
+
+def is_of_a_part(target: ast.expr) -> bool:
+    """Whether it is ``self.part.attribute`` or ``self.parts[i].attribute``."""
+    if not isinstance(target, ast.Attribute) or isinstance(target.value, ast.Name):
+        return False
+    inner = target.value
+    while isinstance(inner, ast.Attribute | ast.Subscript):
+        inner = inner.value
+    return isinstance(inner, ast.Name) and inner.id == "self"
+
+
+def test_the_rule_sees_an_attribute_of_a_part() -> None:
+    def seen(text: str) -> bool:
+        return any(is_of_a_part(target) for target in targets(ast.parse(text).body[0]))
+
+    for text in ("self.a.b = 1", "self.a[0].b += 1", "x, self.a.b = 1, 2", "self.a.b: int = 1"):
+        assert seen(text), text
+    for text in ("self.a = 1", "self.a[0] = 1", "made.a = 1", "self.a.use(b)"):
+        assert not seen(text), text
 
 
 def test_a_claim_of_speed_in_a_docstring_has_a_figure() -> None:

@@ -64,6 +64,10 @@ class _HighPass:
         self.first = 0j
         self.second = 0j
 
+    def load(self, first: complex, second: complex) -> None:
+        """Continues from these values."""
+        self.first, self.second = first, second
+
     def add(self, change: complex, keep: float) -> complex:
         before = self.first
         self.first = keep * (before + change)
@@ -174,10 +178,11 @@ class HeadingWitness:
         self._energy = list(values[5 : 5 + count])
         flat = values[5 + count :]
         numbers = [complex(flat[i], flat[i + 1]) for i in range(0, len(flat), 2)]
-        self._velocity, self._measured.first, self._measured.second = numbers[:3]
+        self._velocity = numbers[0]
+        self._measured.load(*numbers[1:3])
         for i, high_pass in enumerate(self._felt):
-            part = numbers[3 + 4 * i : 7 + 4 * i]
-            self._gained[i], high_pass.first, high_pass.second, self._product[i] = part
+            self._gained[i], first, second, self._product[i] = numbers[3 + 4 * i : 7 + 4 * i]
+            high_pass.load(first, second)
 
 
 # Number of values in `HeadingWitness.values`.

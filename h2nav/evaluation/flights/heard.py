@@ -123,7 +123,7 @@ class FromService:
 
     Attributes:
         notices: time of arrival (us), severity, text.
-        state_s: how long each state of the service lasted.
+        state_s: how long each state of the service lasted; empty until the end.
     """
 
     def __init__(self, autopilot: FromAutopilot, *, listens: bool) -> None:
@@ -135,6 +135,10 @@ class FromService:
         self._arrived_us = array("q")
         self._boot_us = array("q")
         self._rows = array("d")
+
+    def end(self, state_s: dict[str, float]) -> None:
+        """Takes how long each state lasted."""
+        self.state_s = state_s
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Passes a frame on."""

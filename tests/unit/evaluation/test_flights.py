@@ -191,7 +191,7 @@ def test_who_predicts_nothing_is_not_judged():
 def test_states_and_notices_of_the_service():
     flight = made(lambda t_s: (0.0, 0.0, 0.0))
     run = flight.runs["h2nav"]
-    run.state_s = {"aligning": 10.0, "active": 85.0, "degraded": 5.0}
+    run.end({"aligning": 10.0, "active": 85.0, "degraded": 5.0})
     run.notice(flight.ns(30.0), Severity.WARNING, "late")
     found = document(flight)
     assert found["states"]["h2nav"] == {"aligning": 10.0, "active": 85.0, "degraded": 5.0}

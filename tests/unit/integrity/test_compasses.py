@@ -25,7 +25,7 @@ def seen(turns_deg: list[float], q_nb=TILTED) -> dict[int, tuple[float, float, f
 
 def after(seconds: float, fields, level: Level) -> Compasses:
     compasses = Compasses()
-    compasses.reference = FIELD
+    compasses.use_field(FIELD)
     for i in range(round(20 * seconds)):
         compasses.look(50_000 * i, fields, level)
     return compasses
@@ -98,7 +98,7 @@ def test_in_a_flip_nothing_is_compared() -> None:
 
 def test_of_two_the_one_that_does_not_fit_the_earths_norm_and_dip_is_wrong() -> None:
     compasses = Compasses()
-    compasses.reference = FIELD
+    compasses.use_field(FIELD)
     for i in range(100):
         fits = {0: True, 1: False}
         compasses.look(50_000 * i, seen([0.0, 60.0]), Level(TILTED, 0.1, False), fits)

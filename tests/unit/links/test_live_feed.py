@@ -68,7 +68,7 @@ def test_fast_records_are_thinned_until_somebody_wants_them_all(ends):
     topics = list(topics_of_a_second(0))
     assert topics.count("/imu") == 10
     assert topics.count("/time_sync") == 400
-    feed.wants_all = True
+    feed.want_all(True)
     assert list(topics_of_a_second(S)).count("/imu") == 400
 
 
@@ -82,7 +82,7 @@ def test_a_clock_that_was_set_back_silences_nothing(ends):
 
 def test_a_reader_that_never_reads_costs_packets_and_no_time(ends):
     feed, reader = ends
-    feed.wants_all = True
+    feed.want_all(True)
     for number in range(20_000):
         feed.record("/imu", IMU, number * S)
         feed.flush()
