@@ -29,17 +29,11 @@ _Level: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 class CommandEntry(NamedTuple):
-    """One command.
+    """One command."""
 
-    Attributes:
-        module: in `h2nav.apps`; offers add_arguments(parser) -> None and run(args) -> int.
-        summary: one line of help.
-        example: a typical call, without the program's name.
-    """
-
-    module: str
-    summary: str
-    example: str
+    module: str  # in `h2nav.apps`; offers add_arguments(parser) -> None and run(args) -> int
+    summary: str  # one line of help
+    example: str  # a typical call, without the program's name
 
 
 # heading -> command words -> command, as `h2nav --help` lists them
