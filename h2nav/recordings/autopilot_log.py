@@ -104,9 +104,6 @@ class _Stream(NamedTuple):
 class AutopilotLog(ImportedLog):
     """A log that is read completely when it is opened.
 
-    Args:
-        path: the file.
-
     Raises:
         BadInput: the file cannot be read, or is of another kind.
     """
@@ -340,7 +337,6 @@ def imus_of(
 
     Args:
         log: counts what is left out.
-        found: the IMUs.
         compasses: fields by number, in axes of the body.
         to_body: turns (N, 3) vectors of the sensors' axes into the body's.
     """
@@ -374,9 +370,6 @@ def completed(
     """A context with what follows from the rest of it in every format.
 
     Args:
-        context: everything else.
-        log: its rows.
-        settings: parameters, in order.
         armed: while it was armed; None if unknown.
         lacks: further phrases for `missing`, and whether they hold.
     """

@@ -159,11 +159,7 @@ class DataflashLog(AutopilotLog):
 
 
 def open_dataflash(path: Path) -> DataflashLog:
-    """Opens a log of ArduPilot.
-
-    Raises:
-        BadInput: it cannot be opened.
-    """
+    """Opens a log of ArduPilot; raises BadInput if it cannot be opened."""
     return DataflashLog(path)
 
 
@@ -173,9 +169,6 @@ class Trim:
     IMU, compass and the estimators' quaternions are logged in the axes of the board, ATT and all
     angles in those of the body (`AP_AHRS::get_rotation_autopilot_body_to_vehicle_body`). This
     module converts everything to the body.
-
-    Args:
-        parameters: of the autopilot.
     """
 
     def __init__(self, parameters: dict[str, float]) -> None:

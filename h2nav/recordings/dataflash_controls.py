@@ -81,7 +81,6 @@ def motors(log: DataflashRows, parameters: Mapping[str, float], vehicle_type: in
     """Outputs to the motors of a multirotor.
 
     Args:
-        log: the tables.
         parameters: at the beginning: a change in flight renames no motor.
         vehicle_type: MAV_TYPE.
     """

@@ -128,11 +128,7 @@ def read_dataflash(path: Path) -> LogTables:
 
 
 class _Chain:
-    """Follows the records of a binary log.
-
-    Args:
-        data: of the log.
-    """
+    """Follows the records of a binary log."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data

@@ -156,7 +156,6 @@ def readings_of(
 
     Args:
         imu: its number, from 0.
-        samples: of the log.
         fields: of the compass whose field they carry.
         rates_age_s: age of rates and forces at the samples' times; None = unknown from the log, so
             that the service's delays of the autopilot hold, also for the fields.

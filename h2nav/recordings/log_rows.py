@@ -46,9 +46,6 @@ class Rows(NamedTuple):
 class Log(ABC):
     """The tables of a file with the clock of its rows; each format has a subclass.
 
-    Args:
-        tables: of the file.
-
     Attributes:
         clock: of the name with most rows that have a time.
         notes: what was damaged or skipped: reason -> count.
@@ -91,9 +88,6 @@ class Log(ABC):
 
         Args:
             name: for the notes.
-            table: the rows.
-            times: (N,) of the rows.
-            number: of the instance.
         """
         good = self.clock.believes(table.places, times)
         good[good] = in_order(times[good])

@@ -89,7 +89,6 @@ def motors_of(
         channels: column -> number of the motor.
         t_s: (N,) times.
         pwm_us: (N, k) all outputs.
-        ends_us: of the range.
     """
     chosen = sorted((n, i) for i, n in channels.items() if i < pwm_us.shape[1])
     if not chosen or not len(t_s):

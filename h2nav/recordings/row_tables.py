@@ -13,7 +13,6 @@ class Table:
     """All rows of one message; columns are extracted from the file on demand.
 
     Args:
-        name: of the message.
         places: (N,) position of each row in the file, bytes.
         rows: (M,) structured, one field per column, as stored; never copied.
         divisors: of the columns stored as multiples of a fraction.

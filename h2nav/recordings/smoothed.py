@@ -66,7 +66,6 @@ def smoothed(
     """Yields host time of arrival (ns) and smoothed attitude of each sample that has one.
 
     Args:
-        listener: the inputs of the filter.
         filter_for: creates the filter of a vehicle.
         with_field: False removes the compass.
     """

@@ -62,11 +62,7 @@ class Trial(NamedTuple):
 
 
 def trial_paths(place: Path) -> list[Path]:
-    """The trials of a folder, or the given one.
-
-    Raises:
-        BadInput: there is none.
-    """
+    """The trials of a folder, or the given one; raises BadInput if there is none."""
     if place.is_file():
         return [place]
     if not place.is_dir():

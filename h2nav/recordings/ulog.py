@@ -108,11 +108,7 @@ class ULog(AutopilotLog):
 
 
 def open_ulog(path: Path) -> ULog:
-    """Opens a log of PX4.
-
-    Raises:
-        BadInput: it cannot be opened, or is not a ULog.
-    """
+    """Opens a log of PX4; raises BadInput if it cannot be opened, or is not a ULog."""
     return ULog(path)
 
 

@@ -11,9 +11,6 @@ from h2nav.recordings.ulog_tables import ULogFile, instance
 class ULogRows(Log):
     """The topics of a ULog file.
 
-    Args:
-        file: the contents.
-
     Attributes:
         file: the contents.
     """

@@ -231,11 +231,7 @@ class _Subscription(NamedTuple):
 
 
 class _Chain:
-    """Follows the messages of a file.
-
-    Args:
-        data: of the file.
-    """
+    """Follows the messages of a file."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
