@@ -45,8 +45,3 @@ def to_fixed(value: float, fraction_bits: int, lo: int, hi: int) -> int:
         return lo
     floor = int(scaled)
     return floor - (floor > scaled)
-
-
-def to_float(fixed: int, fraction_bits: int) -> float:
-    """The number that `fixed` stands for."""
-    return fixed * 2.0**-fraction_bits

@@ -244,10 +244,3 @@ def airborne(find: Find) -> Series | None:
         return None
     flies = states[known] != mavlink.MAV_LANDED_STATE_ON_GROUND
     return Series(found[1][known], flies.astype(np.float64))
-
-
-def _of_hud(find: Find, column: str) -> Series | None:
-    found = find(mavlink.MAVLINK_MSG_ID_VFR_HUD)
-    if found is None:
-        return None
-    return Series.finite(found[1], found[0].fields[column].astype(np.float64))

@@ -44,18 +44,6 @@ def cross_matrix(v: Sequence[float]) -> Matrix:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def information(sensors: Sequence[VectorSensor]) -> Matrix:
-    """M, the (3, 3) information rate on the attitude error, 1/(rad^2 s).
-
-    Source: docs/derivation.md Eq. (4.3).
-    """
-    M = np.zeros((3, 3))
-    for sensor in sensors:
-        v = np.asarray(sensor.v_n)
-        M += (v @ v * np.eye(3) - np.outer(v, v)) / sensor.density**2
-    return M
-
-
 def attitude_plant(gyro_density: float, sensors: Sequence[VectorSensor]) -> Plant:
     """The bias-free attitude error, states eps (rad, NED).
 

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+import rotation_derivatives
+import so3
 
-from h2nav.maths import quaternion, rotation_derivatives, so3
+from h2nav.maths import quaternion
 
 H = 1e-6
 

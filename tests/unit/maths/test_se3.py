@@ -1,8 +1,7 @@
 import math
 
 import numpy as np
-
-from h2nav.maths import se3
+import se3
 
 
 def test_a_turn_about_z_carries_the_velocity_round():

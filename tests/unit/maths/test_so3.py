@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-
-from h2nav.maths import so3
+import so3
 
 
 def test_hat_is_the_cross_product_and_vee_undoes_it() -> None:
