@@ -49,15 +49,17 @@ class VehicleState(NamedTuple):
     """The autopilot's report of the vehicle, as far as filters use it.
 
     Attributes:
-        on_ground: disarmed or landed: rest updates of the gyro bias are allowed. None = unknown
-            (a recording without an autopilot): the filter decides by its class.
+        on_ground: disarmed or landed. None = unknown (a recording without an autopilot): the
+            filter decides by its class.
         airspeed_m_s: true airspeed along the nose; None when unknown or stale.
         is_backward: time runs backward (a smoother's second run), and the nose trails.
+        is_armed: its motors may turn it, even on the ground.
     """
 
     on_ground: bool | None = None
     airspeed_m_s: float | None = None
     is_backward: bool = False
+    is_armed: bool = False
 
 
 class VelocityFix(NamedTuple):

@@ -136,7 +136,11 @@ class Aiding:
     def tell_vehicle(self, t_ns: int) -> list[Effect]:
         """Passes a changed vehicle state to the filter."""
         fresh = t_ns - self._airspeed_ns <= STALE_AIRSPEED_NS
-        state = VehicleState(self._autopilot.on_ground, self._airspeed_m_s if fresh else None)
+        state = VehicleState(
+            self._autopilot.on_ground,
+            self._airspeed_m_s if fresh else None,
+            is_armed=self._autopilot.is_armed,
+        )
         if state == self._told:
             return []
         self._told = state

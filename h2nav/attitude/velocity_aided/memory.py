@@ -16,6 +16,8 @@ from h2nav.attitude.velocity_aided.parameters import in_floats
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
 MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+ON_GROUND = 2.0  # in `Sample.rest_prior`
+TURNABLE = 3.0  # the same: on the ground, but motors run
 FORCE_LOST = 2.0  # in `Sample.clipped`: the rate is sure, and there is no force
 HEADING_LOST = -2.0  # as mag_accepted_age_s: the next field gives the heading, whatever its dip
 
@@ -109,6 +111,7 @@ class State:
     p_offset_z: list[float] = reals(4, "", "covariance of theta with the offset z")
     gyro_last: list[float] = reals(3, "rad/s", "rate of the sample before")
     gyro_step: list[float] = reals(3, "rad/s", "its change from the one before it")
+    rate_is_fine: float = real("", "1: the rate's resolution is finer than MAVLink's step")
     gyro_jitter: float = real(
         "rad^2/s", "density of the rate that its samples do not resolve, squared"
     )
@@ -167,7 +170,9 @@ class Sample:
     aided: float = real("", "1: velocity fixes come; no bounded velocity is assumed")
     has_fix: float = real("", "1: a fix comes with this sample")
     asked: float = real("", "1: rate and deviations of an estimate are worked out")
-    rest_prior: float = real("", "0: not at rest, 1: the signals decide, 2: on the ground")
+    rest_prior: float = real(
+        "", "0: in flight, 1: signals decide, 2: on the ground, 3: armed there"
+    )
     forward_speed: float = real("m/s", "velocity along the nose that holds a filter without fixes")
     fix_velocity_n: float = real("m/s", "its velocity north")
     fix_velocity_e: float = real("m/s", "its velocity east")

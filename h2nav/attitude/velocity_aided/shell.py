@@ -452,10 +452,12 @@ class VelocityAidedShell(ABC):
 
 
 def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:
-    """0: never at rest, 1: the signals decide, 2: on the ground, as the autopilot says."""
+    """0: never at rest, 1: the signals decide, 2: on the ground, 3: armed there."""
     if vehicle.on_ground is None:
         return 1 if gains.vehicle_class == "handheld" else 0
-    return 2 if vehicle.on_ground else 0
+    if not vehicle.on_ground:
+        return 0
+    return 3 if vehicle.is_armed else 2
 
 
 def forward_speed_m_s(gains: VelocityAidedGains, vehicle: VehicleState) -> float:

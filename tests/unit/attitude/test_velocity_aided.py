@@ -108,6 +108,21 @@ def test_learns_the_bias_at_rest_on_the_ground_only() -> None:
     assert not any(estimate.trust & Trust.REST for _, estimate in in_the_air)
 
 
+def test_a_slow_turn_of_an_armed_vehicle_on_the_ground_is_not_taken_for_a_bias() -> None:
+    turn = (0.0, 0.0, 0.2 * DEG)
+    flight = fly(lambda t: turn if t > 10.0 else (0.0, 0.0, 0.0), 20.0, 4, bias_b=(0.0, 0.0, 0.0))
+    filter_ = new_filter(GROUND)
+    for sample in flight.samples:
+        if sample.t_us == 10_000_000:
+            filter_.use_vehicle(GROUND._replace(is_armed=True))
+        estimate = filter_.update(sample)
+    assert estimate is not None
+    assert not estimate.trust & Trust.REST
+    assert bias_error_deg_s(estimate, (0.0, 0.0, 0.0)) < 0.05
+    disarmed = run(new_filter(GROUND), flight.samples)[-1][1]
+    assert bias_error_deg_s(disarmed, turn) < 0.05
+
+
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 200.0, 1000.0])
 def test_any_sample_rate_serves(rate_hz: float) -> None:
     flight = fly(slow, 40.0, 5, rate_hz=rate_hz, bias_b=(0.002, -0.001, 0.003))

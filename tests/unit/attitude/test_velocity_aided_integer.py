@@ -308,8 +308,9 @@ def test_the_bias_at_rest_is_learnt_on_the_ground_only() -> None:
     assert on_ground is not None
     assert on_ground.trust & Trust.REST
     assert on_ground.bias_b == pytest.approx(BIAS, abs=0.02 * DEG)
-    in_the_air = drive(new_filter(FLYING), flight.samples)
-    assert not any(e is None or e.trust & Trust.REST for e in in_the_air)
+    for moving in (FLYING, GROUND._replace(is_armed=True)):
+        found = drive(new_filter(moving), flight.samples)
+        assert not any(e is None or e.trust & Trust.REST for e in found)
 
 
 def test_a_level_that_contradicts_rest_is_taken_anew() -> None:

@@ -204,6 +204,15 @@ def test_a_rate_that_stands_still_hides_up_to_one_of_its_steps(noise_rad_s, hide
         assert max(deviations) < 0.4e-3
 
 
+def test_a_rate_in_finer_steps_than_mavlinks_hides_nothing() -> None:
+    chosen, rng = new_filter(), random.Random(1)
+    chosen.use_vehicle(VehicleState(on_ground=True))
+    for i in range(3000):
+        rate = (rng.gauss(0.0, 3e-5), rng.gauss(0.0, 3e-5), rng.gauss(0.0, 3e-5))
+        chosen.update(ImuSample(10_000 * i, rate, (0.0, 0.0, -9.80665), (20.0, 0.0, 43.0)))
+    assert max(math.sqrt(v) for v in chosen.sensor_errors.gyro_variance) < 0.4e-3
+
+
 # --- doubt --------------------------------------------------------------------------------------
 
 

@@ -21,6 +21,8 @@ FRAME = 16  # samples per frame of the second stage
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
 MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+ON_GROUND = 2  # in `Sample.rest_prior`
+TURNABLE = 3  # the same: on the ground, but motors run
 FORCE_LOST = 2  # in `Sample.clipped`: the rate is sure, and there is no force
 
 # bits of a step's result
@@ -391,7 +393,9 @@ class Sample:
     clipped: I32 = integer(
         0, 2, "", "1: the rate counts, force and field do not; 2: the rate is sure"
     )
-    rest_prior: I32 = integer(0, 2, "", "0: it flies, 1: the sensors decide, 2: on the ground")
+    rest_prior: I32 = integer(
+        0, 3, "", "0: it flies, 1: the sensors decide, 2: on the ground, 3: armed there"
+    )
     forward_speed: I32 = integer(
         -32767, 32767, "s", "velocity along the nose; the airspeed of an aeroplane", q=11
     )

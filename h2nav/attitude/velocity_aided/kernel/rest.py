@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import REST, Gains, Sample, State, Workspace
+from ..memory import REST, TURNABLE, Gains, Sample, State, Workspace
 from .aiding import measure_all
 from .field_offset import correct_offset, forget_offset
 from .theta import apply_theta, measure_theta
@@ -16,6 +16,7 @@ FLOOR = 3.0e-6  # (0.1 deg/s)^2
 # with a deviation of 1 over the root of 3. A noise of 0.5 mrad/s shows it.
 HIDDEN = 3.3e-7  # (rad/s)^2
 DITHER = 2.5e-7  # (rad/s)^2
+FINE = 0.0005  # rad/s: a smaller step is not MAVLink's
 
 
 def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
@@ -38,6 +39,9 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         if math.fabs(s.gyro_lp[i]) > g.bias_limit:
             slow = 0.0
     still = slow * sample.rest_prior
+    if still == TURNABLE:
+        # A rotor's torque turns a helicopter on its skids by some tenths of a degree per second.
+        still = 0.0
     if still == 1.0:
         # A slow turn looks like rest in these signals: the bias must not jump by it.
         still = 1.0 - moves(s, 0, s.p_xx) - moves(s, 1, s.p_yy) - moves(s, 2, s.p_zz)
@@ -61,10 +65,15 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
 def doubt_steps(s: State, dt: float) -> None:
     """Keeps the bias as uncertain as the rate's resolution, where no noise dithers it.
 
-    In flight noise dithers the rate, and its bias jumps by the hidden part. Source:
+    In flight noise dithers the rate, and its bias jumps by the hidden part. A rate that has once
+    changed by less than half a step, such as HIGHRES_IMU's or a log's, is not in steps. Source:
     docs/filter.md Eq. (59).
     """
-    if s.gyro_jitter > DITHER * dt:
+    for i in range(3):
+        change = math.fabs(s.gyro_step[i])
+        if change > 0.0 and change < FINE:
+            s.rate_is_fine = 1.0
+    if s.rate_is_fine > 0.0 or s.gyro_jitter > DITHER * dt:
         return
     if s.p_xx < HIDDEN:
         s.p_xx = HIDDEN

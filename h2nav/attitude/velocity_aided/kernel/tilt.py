@@ -5,7 +5,16 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import HEADING_LOST, MOST_REJECTED, RESTARTED, Gains, Sample, State, Workspace
+from ..memory import (
+    HEADING_LOST,
+    MOST_REJECTED,
+    ON_GROUND,
+    RESTARTED,
+    Gains,
+    Sample,
+    State,
+    Workspace,
+)
 from .prediction import forget_sensitivities, set_matrix, turn, turn_body
 
 MOST_TILT_SIGMA = 1.57  # rad: nothing is known
@@ -98,7 +107,7 @@ def check_level(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         s.tilt_suspect = 0.0
     elif s.steady_s < g.rest_time_s:
         return 0
-    elif sample.rest_prior == 2.0:
+    elif sample.rest_prior >= ON_GROUND:
         cosine = GROUND_COSINE
     fx = s.accel_lp[0] - g.gravity * s.accel_bias[0]
     fy = s.accel_lp[1] - g.gravity * s.accel_bias[1]

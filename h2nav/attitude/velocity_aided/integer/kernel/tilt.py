@@ -11,8 +11,10 @@ from ..memory import (
     AGE_MOST_US,
     FORCE_MOST,
     MOST_REJECTED,
+    ON_GROUND,
     THETA_MOST,
     TILT_SIGMA_MOST,
+    TURNABLE,
     VARIANCE_LEAST,
     VELOCITY_MOST,
     Gains,
@@ -80,6 +82,8 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         return
     s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MOST_US)
     still = sample.rest_prior
+    if still == TURNABLE:
+        still = 0
     # a slow turn looks like rest in these signals: the bias must not jump by it
     if still == 1 and moves(s, 0, s.p_xx) + moves(s, 1, s.p_yy) + moves(s, 2, s.p_zz) > 0:
         still = 0
@@ -198,7 +202,7 @@ def ask_force(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
         s.tilt_suspect = 0
     elif s.steady_us < g.rest_time_us:
         return
-    elif sample.rest_prior == 2:
+    elif sample.rest_prior >= ON_GROUND:
         cosine_2 = GROUND_COSINE_2
     x = limited(s.accel_lp[0] >> 10, 32767)
     y = limited(s.accel_lp[1] >> 10, 32767)
