@@ -208,19 +208,14 @@ class _FakeAutopilot:
 
 
 class _User:
-    """The orders of a user at the terminal, if there is one.
-
-    Attributes:
-        has_ordered: an order was given.
-        has_quit: the user wants to end the demo.
-    """
+    """The orders of a user at the terminal, if there is one."""
 
     def __init__(self, orders: OrderInput, autopilot: _FakeAutopilot, stop: StopSignals) -> None:
         self._orders = orders
         self._autopilot = autopilot
         self._stop = stop
-        self.has_ordered = False
-        self.has_quit = False
+        self.has_ordered = False  # an order was given
+        self.has_quit = False  # the user wants to end the demo
 
     def serve(self) -> list[str]:
         """Passes orders on and returns the replies; raises TaskFailed if the autopilot ended."""

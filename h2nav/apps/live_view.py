@@ -71,10 +71,6 @@ class LiveView:
     Args:
         configuration: of the daemon; its `live.address` is not empty.
 
-    Attributes:
-        feed: takes the records of the pipeline.
-        page_url: of the page; empty before it is served.
-
     Raises:
         BadInput: a package of the extra is missing, or the address cannot be read.
     """
@@ -86,14 +82,14 @@ class LiveView:
         self._greeting = Greeting(
             *self._address, configuration.live.foxglove_port, configuration.as_mapping()
         )
-        self.feed = LiveFeed()
+        self.feed = LiveFeed()  # takes the records of the pipeline
         self._viewer: subprocess.Popen[bytes] | None = None
         self._is_lost = self._is_new = False
         self._back_off = BackOff(FIRST_PAUSE_NS, LONGEST_PAUSE_NS)
         self._started_ns = 0
         self._look_ns = self._status_ns = self._record_ns = 0
         self._shown_port = 0
-        self.page_url = ""
+        self.page_url = ""  # of the page; empty before it is served
         self._trouble = ""
 
     def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice]:

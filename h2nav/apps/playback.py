@@ -182,13 +182,10 @@ class Playback:
 
     Args:
         whole_frames: see `Inputs`.
-
-    Attributes:
-        span_ns: from the first arrival to the newest one.
     """
 
     def __init__(self, recording: Source, *, whole_frames: bool) -> None:
-        self.span_ns = 0
+        self.span_ns = 0  # from the first arrival to the newest one
         self._recording = recording
         self._scan = FrameScan(whole_frames=whole_frames)
         self._first_ns: int | None = None
@@ -280,14 +277,10 @@ class Playback:
 
 
 class _Batch:
-    """Arrivals with those of their frames that are needed.
-
-    Attributes:
-        times: of arrival, ns.
-    """
+    """Arrivals with those of their frames that are needed."""
 
     def __init__(self, arrivals: Arrivals, found: FoundFrames, ids: Collection[int]) -> None:
-        self.times: list[int] = arrivals.t_ns.tolist()
+        self.times: list[int] = arrivals.t_ns.tolist()  # of arrival, ns
         self._arrivals = arrivals
         self._data = found.data
         self._completed_by, self._frames = found.wanted(ids)

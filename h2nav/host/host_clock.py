@@ -10,13 +10,10 @@ class UnixClock:
 
     A log keeps the differences of arrival times exactly only if nothing but a constant is added to
     them; a step of the host's UNIX clock during the run is therefore reported, not followed.
-
-    Attributes:
-        offset_ns: UNIX minus monotonic time when the clock was created.
     """
 
     def __init__(self) -> None:
-        self.offset_ns = _offset_now_ns()
+        self.offset_ns = _offset_now_ns()  # UNIX minus monotonic time when the clock was created
 
     def unix_ns(self, t_ns: int) -> int:
         """UNIX time of the monotonic time `t_ns`."""

@@ -46,23 +46,15 @@ class Level(NamedTuple):
 
 
 class _Compass:
-    """One compass.
-
-    Attributes:
-        heading: its mean direction levelled by the attitude, of length 1 or less.
-        field_b: its newest field, body axes.
-        is_misfit: norm or dip have not been the earth's since it began to differ.
-        test: against a heading confirmed by velocities.
-        is_wrong: by that test; None: not tested.
-    """
+    """One compass."""
 
     def __init__(self) -> None:
-        self.heading = 0j
-        self.field_b: Vec3 = (1.0, 0.0, 0.0)
-        self.is_misfit = False
+        self.heading = 0j  # its mean direction levelled by the attitude, of length 1 or less
+        self.field_b: Vec3 = (1.0, 0.0, 0.0)  # its newest field, body axes
+        self.is_misfit = False  # norm or dip have not been the earth's since it began to differ
         self.t_us: int | None = None
-        self.test = Lasting()
-        self.is_wrong: bool | None = None
+        self.test = Lasting()  # against a heading confirmed by velocities
+        self.is_wrong: bool | None = None  # by that test; None: not tested
 
     def take(self, t_us: int, direction: complex, field_b: Vec3, fits: bool | None) -> None:
         """Adds a field, its direction of length 1, and whether norm and dip are the earth's."""

@@ -59,16 +59,12 @@ class FieldRow(NamedTuple):
 
 
 class FieldWindows:
-    """Tracks the field beside a strapdown.
-
-    Attributes:
-        reference: the earth's field; None if unknown.
-    """
+    """Tracks the field beside a strapdown."""
 
     def __init__(self, watch: Watch, strapdown: Strapdown) -> None:
         self._watch = watch
         self._strapdown = strapdown
-        self.reference: EarthField | None = None
+        self.reference: EarthField | None = None  # the earth's field; None if unknown
         self._rows: deque[FieldRow] = deque(maxlen=ROWS)
 
     def use_field(self, field: EarthField | None) -> None:

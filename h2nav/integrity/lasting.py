@@ -13,14 +13,10 @@ FORGET_S = 60.0
 
 
 class Lasting:
-    """Tracks a test ratio.
-
-    Attributes:
-        is_raised: the test has failed for long enough.
-    """
+    """Tracks a test ratio."""
 
     def __init__(self) -> None:
-        self.is_raised = False
+        self.is_raised = False  # the test has failed for long enough
         self._excess_s = 0.0
         self._fine_s = 0.0
         self._silent_s = 0.0

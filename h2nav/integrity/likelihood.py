@@ -44,10 +44,6 @@ class LinearModel:
         left: residuals, north and then east.
         columns: effect of each unknown on them.
         noise: deviation of single values, and density of the noise that grows with time.
-
-    Attributes:
-        square: of the residuals.
-        level: logarithm of the likelihood without unknowns, up to a constant.
     """
 
     def __init__(
@@ -65,7 +61,8 @@ class LinearModel:
             for i, one in enumerate(self._columns)
         ]
         self._right = [dot(one, self._left) for one in self._columns]
-        self.square = dot(self._left, self._left)
+        self.square = dot(self._left, self._left)  # of the residuals
+        # logarithm of the likelihood without unknowns, up to a constant
         self.level = 2.0 * sum(math.log(scale) for scale, _ in self._factors) - 0.5 * self.square
 
     def fit(self, sigmas: Sequence[float]) -> HypothesisFit:

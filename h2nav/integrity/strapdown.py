@@ -73,9 +73,6 @@ class Strapdown:
 
     Args:
         watch: of the IMU.
-
-    Attributes:
-        t_us: time of the latest sample; None before the first, and after a gap.
     """
 
     def __init__(self, watch: Watch) -> None:
@@ -83,6 +80,7 @@ class Strapdown:
         self._read = reader(watch.memory, Memory, _REMEMBERED)
         self._estimate: AttitudeEstimate | None = None
         self._past: list[_Kept] = []
+        # time of the latest sample; None before the first, and after a gap
         self.t_us: int | None = None
 
     @property

@@ -68,20 +68,13 @@ class _Window(NamedTuple):
 
 
 class Integrated:
-    """The specific force turned by our attitude, integrated from sample to sample.
-
-    Attributes:
-        velocity_n: since the beginning, m/s.
-        force_n: smoothed, m/s^2.
-        t_us: of the newest sample; None before the first.
-        breaks: number of interruptions of the integral.
-    """
+    """The specific force turned by our attitude, integrated from sample to sample."""
 
     def __init__(self) -> None:
-        self.velocity_n: Vec3 = (0.0, 0.0, 0.0)
-        self.force_n: Vec3 = (0.0, 0.0, 0.0)
-        self.t_us: int | None = None
-        self.breaks = 0
+        self.velocity_n: Vec3 = (0.0, 0.0, 0.0)  # since the beginning, m/s
+        self.force_n: Vec3 = (0.0, 0.0, 0.0)  # smoothed, m/s^2
+        self.t_us: int | None = None  # of the newest sample; None before the first
+        self.breaks = 0  # number of interruptions of the integral
 
     def add(self, sample: ImuSample, q_nb: Quat) -> None:
         """Takes a sample and our attitude at its time."""
@@ -115,11 +108,7 @@ class _Start(NamedTuple):
 
 
 class VelocityWitness:
-    """Judges one other attitude against ours.
-
-    Attributes:
-        verdicts: by the windows of the last `EVIDENCE_US`.
-    """
+    """Judges one other attitude against ours."""
 
     def __init__(self, integrated: Integrated) -> None:
         self._integrated = integrated
@@ -129,7 +118,7 @@ class VelocityWitness:
         self._by_tilt = (0.0, 0.0)
         self._by_heading = (0.0, 0.0)
         self._windows: deque[_Window] = deque(maxlen=WINDOWS)
-        self.verdicts = Verdicts()
+        self.verdicts = Verdicts()  # by the windows of the last `EVIDENCE_US`
 
     def differs(self, t_us: int, turn_n: Quat, heading_rad: float) -> None:
         """Takes the turn (NED) from our attitude to the other one, and its heading."""

@@ -21,17 +21,13 @@ MODE = 0o660
 
 
 class _Client:
-    """One connection.
-
-    Attributes:
-        is_gone: the client has disconnected or reads too slowly.
-    """
+    """One connection."""
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
         self._end = end
         self._waiting = b""
-        self.is_gone = False
+        self.is_gone = False  # the client has disconnected or reads too slowly
 
     def send(self, data: bytes) -> None:
         """Sends as much as the socket accepts; queues the rest."""

@@ -92,22 +92,16 @@ class Word(NamedTuple):
 
 
 class LiveFeed:
-    """The daemon's end of the feed.
-
-    Attributes:
-        packets: sent since the start.
-        dropped: packets and entries that did not fit.
-        refused: consecutive packets that did not fit.
-        wants_all: every record is wanted; otherwise those of `FAST_TOPICS` are thinned to 10 Hz.
-    """
+    """The daemon's end of the feed."""
 
     def __init__(self) -> None:
         self._socket: socket.socket | None = None
         self._entries: list[tuple[str, int, int, tuple[Any, ...]]] = []
         self._due_ns = dict.fromkeys(FAST_TOPICS, 0)
-        self.packets = 0
-        self.dropped = 0
-        self.refused = 0
+        self.packets = 0  # sent since the start
+        self.dropped = 0  # packets and entries that did not fit
+        self.refused = 0  # consecutive packets that did not fit
+        # every record is wanted; otherwise those of `FAST_TOPICS` are thinned to 10 Hz
         self.wants_all = False
 
     def want_all(self, wants_all: bool) -> None:

@@ -40,10 +40,6 @@ class StreamLink:
 
     Args:
         explain: turns an error of the transport into a message.
-
-    Attributes:
-        is_up: the descriptor is open.
-        has_more: data may remain after the latest `read`.
     """
 
     local_port = None
@@ -59,8 +55,8 @@ class StreamLink:
         self._tally = LinkTally()
         self._opening_since_ns: int | None = None
         self._t_ns = 0
-        self.is_up = False
-        self.has_more = False
+        self.is_up = False  # the descriptor is open
+        self.has_more = False  # data may remain after the latest `read`
 
     @property
     def statistics(self) -> LinkStatistics:

@@ -48,9 +48,6 @@ class UdpLink:
 
     Args:
         vouch: whether a datagram makes its sender the peer; None accepts every sender.
-
-    Attributes:
-        has_more: data may remain after the latest `read`.
     """
 
     has_backlog = False
@@ -67,7 +64,7 @@ class UdpLink:
         self._peer_heard_ns = 0
         self._t_ns = 0
         self._drained_ns = 0  # when the kernel's queue was last empty
-        self.has_more = False
+        self.has_more = False  # data may remain after the latest `read`
         self._datagram = bytearray(_DATAGRAM_BYTES)
         self._view = memoryview(self._datagram)
 

@@ -26,15 +26,11 @@ class Guard:
 
     Args:
         port_behind: of that server, on the loopback.
-
-    Attributes:
-        port: the listening port; 0 before.
-        is_alone: the server behind is gone.
     """
 
     def __init__(self, port_behind: int) -> None:
-        self.port = 0
-        self.is_alone = False
+        self.port = 0  # the listening port; 0 before
+        self.is_alone = False  # the server behind is gone
         self._port_behind = port_behind
         self._server: asyncio.Server | None = None
         self._clients: set[_Client] = set()

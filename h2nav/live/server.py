@@ -63,9 +63,6 @@ class PageServer:
     Args:
         port: to listen on; 0 = chosen by the kernel.
 
-    Attributes:
-        port: the listening port.
-
     Raises:
         OSError: the address is not available.
     """
@@ -74,7 +71,7 @@ class PageServer:
         sockets = bind_sockets(port, host, backlog=WAITING)
         for each in sockets:
             each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        self.port: int = sockets[0].getsockname()[1]
+        self.port: int = sockets[0].getsockname()[1]  # the listening port
         self._broadcast = Broadcast(state)
         is_private = all(_is_loopback(each.getsockname()[0]) for each in sockets)
         shared = {"shared": _Shared(state, self._broadcast, _assets(), is_private)}

@@ -66,14 +66,10 @@ def decode_log(
 
 
 class _DecodedChunks:
-    """Builds chunks of decoded messages; implements `Addition`.
-
-    Attributes:
-        counts: topic -> number of messages.
-    """
+    """Builds chunks of decoded messages; implements `Addition`."""
 
     def __init__(self, path: Path) -> None:
-        self.counts: dict[str, int] = {}
+        self.counts: dict[str, int] = {}  # topic -> number of messages
         self._path = path
         self._decoder = AutopilotDecoder()
         self._channels: dict[str, int] = {}

@@ -43,9 +43,6 @@ class TwistObserver:
     """Twist, pose and bias from IMU samples and measured poses. Source: docs/motion.md Eq. (4).
 
     A run split in two at any call with `state` and `restore` gives identical estimates.
-
-    Attributes:
-        counts: number of each `PoseVerdict` and `ObserverEvent`.
     """
 
     def __init__(self, settings: TwistObserverSettings | None = None) -> None:
@@ -70,7 +67,7 @@ class TwistObserver:
         self._stale_samples = 0
         self._source_resets = 0
         self._reset_counter = 0
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()  # number of each `PoseVerdict` and `ObserverEvent`
         self._renew_sigmas()
 
     @property

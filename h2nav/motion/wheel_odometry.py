@@ -60,9 +60,6 @@ class WheelOdometry:
     are cumulative, so no distance is lost. A jump of a counter loses the distance of one interval:
     the pose stays, and `reset_counter` increases.
 
-    Attributes:
-        counts: number of each `WheelEvent`.
-
     Raises:
         BadInput: a singular layout.
     """
@@ -78,7 +75,7 @@ class WheelOdometry:
         self._covariance = ZERO3
         self._stale_samples = 0
         self._reset_counter = 0
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()  # number of each `WheelEvent`
 
     def update(self, sample: WheelSample) -> WheelEstimate | None:
         """Processes one reading of all counters; ignores wheels beyond the layout's.

@@ -27,17 +27,14 @@ class LogClock:
     Args:
         places: (N,) of rows in the file, in order.
         t_us: (N,) their times, for the most frequent kind of row.
-
-    Attributes:
-        start_us: first plausible time; 0 without any.
-        end_us: the last one.
     """
 
     def __init__(self, places: Times, t_us: Times) -> None:
         good = _undamaged(t_us)
         self._places, self._t_us = places[good], t_us[good]
+        # first plausible time; 0 without any
         self.start_us = int(self._t_us[0]) if len(self._t_us) else 0
-        self.end_us = int(self._t_us[-1]) if len(self._t_us) else 0
+        self.end_us = int(self._t_us[-1]) if len(self._t_us) else 0  # the last one
 
     def believes(self, places: Times, t_us: Times) -> Mask:
         """(N,) whether the times of rows agree with those of their neighbours in the file."""

@@ -44,17 +44,12 @@ class Rows(NamedTuple):
 
 
 class Log(ABC):
-    """The tables of a file with the clock of its rows; each format has a subclass.
-
-    Attributes:
-        clock: of the name with most rows that have a time.
-        notes: what was damaged or skipped: reason -> count.
-    """
+    """The tables of a file with the clock of its rows; each format has a subclass."""
 
     def __init__(self, tables: LogTables) -> None:
         self._tables = tables
-        self.notes = dict(tables.notes)
-        self.clock = self._clock()
+        self.notes = dict(tables.notes)  # what was damaged or skipped: reason -> count
+        self.clock = self._clock()  # of the name with most rows that have a time
 
     @staticmethod
     @abstractmethod

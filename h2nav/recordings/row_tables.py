@@ -17,11 +17,6 @@ class Table:
         rows: (M,) structured, one field per column, as stored; never copied.
         divisors: of the columns stored as multiples of a fraction.
         wanted: (N,) numbers of the selected `rows`; None = all of them.
-
-    Attributes:
-        name: of the message.
-        places: (N,) bytes.
-        columns: names, in order.
     """
 
     def __init__(
@@ -32,12 +27,12 @@ class Table:
         divisors: dict[str, float] | None = None,
         wanted: NDArray[np.int64] | None = None,
     ) -> None:
-        self.name = name
-        self.places = places
+        self.name = name  # of the message
+        self.places = places  # (N,) bytes
         self._rows = rows
         self._divisors = divisors or {}
         self._wanted: NDArray[np.int64] | slice = slice(None) if wanted is None else wanted
-        self.columns: tuple[str, ...] = rows.dtype.names or ()
+        self.columns: tuple[str, ...] = rows.dtype.names or ()  # names, in order
 
     def __len__(self) -> int:
         return len(self.places)
@@ -127,16 +122,12 @@ class LogTables:
     Args:
         sources: of the messages present; tables if they had to be created at once.
         notes: what was damaged or skipped: reason -> count.
-
-    Attributes:
-        names: of the messages present.
-        notes: reason -> count.
     """
 
     def __init__(self, sources: Mapping[str, RowSource | Table], notes: dict[str, int]) -> None:
         self._sources = sources
-        self.names = frozenset(sources)
-        self.notes = notes
+        self.names = frozenset(sources)  # of the messages present
+        self.notes = notes  # reason -> count
 
     def find(self, name: str, *columns: str) -> Table | None:
         """The table of a message; None if it is absent or lacks one of the columns."""

@@ -9,14 +9,10 @@ from h2nav.recordings.ulog_tables import ULogFile, instance
 
 
 class ULogRows(Log):
-    """The topics of a ULog file.
-
-    Attributes:
-        file: the contents.
-    """
+    """The topics of a ULog file."""
 
     def __init__(self, file: ULogFile) -> None:
-        self.file = file
+        self.file = file  # the contents
         super().__init__(file.tables)
 
     @staticmethod

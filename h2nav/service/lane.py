@@ -66,16 +66,6 @@ class Lane:
         identity: of the vehicle.
         settings: of the streams and their known delays.
         count: counts rejected readings, by reason.
-
-    Attributes:
-        imu: number of the IMU, from 0.
-        sensor: the IMU, counted from 1.
-        timing: delays of the sensors.
-        last_used_ns: host time of the newest sample; None before the first.
-        newest: the newest sample, unchanged.
-        rate_hz: of the samples.
-        compass_is_wrong: its field shows a wrong north, and is not used.
-        heading_is_wrong: the filter still has the heading of such a field.
     """
 
     def __init__(
@@ -86,8 +76,8 @@ class Lane:
         settings: AutopilotSettings,
         count: Callable[[str], object],
     ) -> None:
-        self.imu = messages.imu
-        self.sensor = Sensor(SensorKind.IMU, self.imu + 1)
+        self.imu = messages.imu  # number of the IMU, from 0
+        self.sensor = Sensor(SensorKind.IMU, self.imu + 1)  # the IMU, counted from 1
         self._filter = chosen_filter
         self._wanted_hz = settings.imu_rate_hz
         lends = settings.imu_message == "auto"
@@ -97,18 +87,19 @@ class Lane:
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
         self._monitor = Monitor(self.sensor, speeds)
         self._ends = RangeEnds()
-        self.timing = SensorTiming(settings, identity)
+        self.timing = SensorTiming(settings, identity)  # delays of the sensors
         self._velocity_is_dependent = False
         self._is_frozen = False
         self._counted_ns, self._counted = 0, 0
+        # host time of the newest sample; None before the first
         self.last_used_ns: int | None = None
         self._resumed_ns = 0
-        self.newest: ImuSample | None = None
+        self.newest: ImuSample | None = None  # the newest sample, unchanged
         self._unled: AttitudeEstimate | None = None
-        self.rate_hz = 0.0
+        self.rate_hz = 0.0  # of the samples
         self._event: TimeVerdict | None = None
-        self.compass_is_wrong = False
-        self.heading_is_wrong = False
+        self.compass_is_wrong = False  # its field shows a wrong north, and is not used
+        self.heading_is_wrong = False  # the filter still has the heading of such a field
         self._doubt_rad = 0.0
 
     # --- what is known ------------------------------------------------------------------------

@@ -59,9 +59,6 @@ class SourceClock:
     Args:
         imu: the IMU's clock against the host's.
         unix_offset_ns: host UNIX minus host monotonic time.
-
-    Attributes:
-        kind: decided by the first message, and again after `STRAYS` contradictions in a row.
     """
 
     def __init__(self, imu: LeastDelay, unix_offset_ns: int) -> None:
@@ -69,6 +66,7 @@ class SourceClock:
         self._unix_offset_us = unix_offset_ns // 1000
         self._source = LeastDelay()
         self._strays = 0
+        # decided by the first message, and again after `STRAYS` contradictions in a row
         self.kind: ClockKind | None = None
 
     def imu_time(self, t_ns: int, usec: int) -> int | None:

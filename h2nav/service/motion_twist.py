@@ -41,9 +41,6 @@ class TwistMotion:
     Args:
         pose_message: name of the message with poses, or ``auto``.
         unix_offset_ns: host UNIX minus host monotonic time.
-
-    Attributes:
-        latest: the newest estimate; None before the first and while poses are missing.
     """
 
     def __init__(
@@ -67,6 +64,7 @@ class TwistMotion:
         self._refused: Counter[str] = Counter()
         self._newest_us: int | None = None
         self._new_clocks()
+        # the newest estimate; None before the first and while poses are missing
         self.latest: TwistEstimate | None = None
 
     @property

@@ -31,9 +31,6 @@ class WheelMotion:
         rate_hz: requested rate of wheel distances.
         unix_offset_ns: host UNIX minus host monotonic time.
 
-    Attributes:
-        latest: the newest estimate; None before the first and while readings are missing.
-
     Raises:
         BadInput: a singular layout.
     """
@@ -56,6 +53,7 @@ class WheelMotion:
         self._unix_offset_ns = unix_offset_ns
         self._new_clocks()
         self._heard_ns = 0
+        # the newest estimate; None before the first and while readings are missing
         self.latest: WheelEstimate | None = None
 
     @property

@@ -116,10 +116,6 @@ class _Output(Generic[E]):
 class Outputs:
     """Selects the messages to send for an estimate. A new output is a new entry of the table.
 
-    Attributes:
-        sent: number of attitude messages since start.
-        are_held: nothing is due, because the estimates are late.
-
     Args:
         settings: the rates; 0 switches a message off.
         odometry_rate_hz: of ODOMETRY; None = motion is not estimated.
@@ -172,8 +168,8 @@ class Outputs:
         self._latest_motion: SentMotion | None = None
         # Nothing is due between these: two comparisons decide for most estimates.
         self._after_us = self._before_us = 0.0
-        self.sent = 0
-        self.are_held = False
+        self.sent = 0  # number of attitude messages since start
+        self.are_held = False  # nothing is due, because the estimates are late
 
     def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
         """Returns the messages to send for this attitude."""

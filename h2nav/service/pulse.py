@@ -16,16 +16,11 @@ START_NS = 3 * SECOND_NS // 2
 
 
 class Pulse:
-    """Remembers the latest times.
-
-    Attributes:
-        sample_ns: when a sample was last used; None before the first.
-        sample_gap_ns: time between the last two; None before the second.
-    """
+    """Remembers the latest times."""
 
     def __init__(self) -> None:
-        self.sample_ns: int | None = None
-        self.sample_gap_ns: int | None = None
+        self.sample_ns: int | None = None  # when a sample was last used; None before the first
+        self.sample_gap_ns: int | None = None  # time between the last two; None before the second
         self._heartbeat_ns: int | None = None
         self._bound_ns: int | None = None
         self._stall: tuple[int, int] | None = None

@@ -33,10 +33,6 @@ class LaneTrust:
 
     Args:
         count: counts a rejected reading, by reason.
-
-    Attributes:
-        sensor_is_bad: a sensor is known to be faulty.
-        is_spoilt: the filter has to restart, if possible with the attitude of another lane.
     """
 
     def __init__(self, count: Callable[[str], object]) -> None:
@@ -45,7 +41,8 @@ class LaneTrust:
         self._rests_until_ns: int | None = None
         self._bad_ns: int | None = None
         self._good_ns: int | None = None
-        self.sensor_is_bad = False
+        self.sensor_is_bad = False  # a sensor is known to be faulty
+        # the filter has to restart, if possible with the attitude of another lane
         self.is_spoilt = False
 
     # --- readings that are refused ------------------------------------------------------------

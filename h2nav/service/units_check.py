@@ -26,15 +26,11 @@ class UnitsCheck:
 
     A window without a complaint ends the check; after one with complaints the next is evaluated,
     so that a temporary fault is not held against the sensors for ever.
-
-    Attributes:
-        complaints: of the latest window.
-        is_over: the units were found to be right.
     """
 
     def __init__(self) -> None:
-        self.complaints: tuple[Complaint, ...] = ()
-        self.is_over = False
+        self.complaints: tuple[Complaint, ...] = ()  # of the latest window
+        self.is_over = False  # the units were found to be right
         self._begin()
 
     def add(self, sample: ImuSample) -> bool:

@@ -68,13 +68,10 @@ class FrameScan:
     Args:
         whole_frames: no frame spans two arrivals; an incomplete frame at an arrival's end is
             damage.
-
-    Attributes:
-        deframer: holds the counters.
     """
 
     def __init__(self, *, whole_frames: bool = False) -> None:
-        self.deframer = Deframer()
+        self.deframer = Deframer()  # holds the counters
         self._whole_frames = whole_frames
 
     def frames_of(self, arrivals: Arrivals) -> FoundFrames:
@@ -120,13 +117,7 @@ class FrameScan:
 
 
 class _CleanFrames:
-    """Good frames that a `Deframer` would return without keeping any bytes.
-
-    Attributes:
-        arrivals: that contain them.
-        headers: of all good frames.
-        completed_by: (N,) number of the arrival with the last byte of each.
-    """
+    """Good frames that a `Deframer` would return without keeping any bytes."""
 
     def __init__(self, arrivals: Arrivals, whole_frames: bool) -> None:
         data, starts, ends = arrivals.data, arrivals.starts, arrivals.ends
@@ -135,8 +126,10 @@ class _CleanFrames:
             headers = headers.those(ends[np.searchsorted(starts, headers.at)] == headers.ends)
         else:
             headers = headers_at(data, marker_places(np.frombuffer(data, dtype=np.uint8)))
-        self.arrivals = arrivals
+        self.arrivals = arrivals  # that contain them
+        # of all good frames
         self.headers = headers = headers.those(have_right_checksums(data, headers))
+        # (N,) number of the arrival with the last byte of each
         self.completed_by = np.searchsorted(ends, headers.ends - 1, "right")
         begun_by = np.searchsorted(ends, headers.at, "right")
         followed = self._followed(begun_by)

@@ -110,16 +110,13 @@ class LocalStamp:
 class Signer:
     """Signs the outgoing frames of one link.
 
-    Attributes:
-        streams: for which it has signed.
-
     Args:
         key: 32 bytes.
         link_id: 0..255; unique among links with the same system and component id.
     """
 
     def __init__(self, key: bytes, link_id: int, stamp: LocalStamp) -> None:
-        self.streams: set[Stream] = set()
+        self.streams: set[Stream] = set()  # for which it has signed
         self._keyed = hashlib.sha256(key)
         self._link_id = link_id
         self._stamp = stamp

@@ -128,11 +128,6 @@ class _Seen:
 
     Args:
         ended: the file ends with it.
-
-    Attributes:
-        at: (N,) beginning of each.
-        ends: (N,) expected beginning of the next one.
-        times_us: (N,) their times as stored.
     """
 
     def __init__(self, buffer: bytes, ended: bool) -> None:
@@ -145,9 +140,9 @@ class _Seen:
         likely = (times_us >= _EARLIEST_US) & (times_us <= _LATEST_US)
         likely &= ~is_v2 | (flags <= SIGNED_FLAG)
         sizes = np.where(is_v2, 12 + SIGNATURE_SIZE * flags.astype(np.int64), 8) + length
-        self.at = at[likely]
-        self.ends = self.at + TIME_SIZE + sizes[likely]
-        self.times_us = times_us[likely].astype(np.int64)
+        self.at = at[likely]  # (N,) beginning of each
+        self.ends = self.at + TIME_SIZE + sizes[likely]  # (N,) expected beginning of the next one
+        self.times_us = times_us[likely].astype(np.int64)  # (N,) their times as stored
         follower = np.minimum(np.searchsorted(self.at, self.ends), len(self.at) - 1)
         sound = (self.at[follower] == self.ends) | (ended & (self.ends == len(data)))
         self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]

@@ -120,16 +120,13 @@ class FromService:
     Args:
         autopilot: receives the autopilot's messages.
         listens: this run passes frames on, as one of several must.
-
-    Attributes:
-        notices: time of arrival (us), severity, text.
-        state_s: how long each state of the service lasted; empty until the end.
     """
 
     def __init__(self, autopilot: FromAutopilot, *, listens: bool) -> None:
         self.message_ids = autopilot.message_ids if listens else frozenset[int]()
         self._tells_time = listens  # several runs are up to a timer apart
-        self.notices: list[tuple[int, Severity, str]] = []
+        self.notices: list[tuple[int, Severity, str]] = []  # time of arrival (us), severity, text
+        # how long each state of the service lasted; empty until the end
         self.state_s: dict[str, float] = {}
         self._autopilot = autopilot
         self._arrived_us = array("q")

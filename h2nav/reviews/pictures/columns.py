@@ -18,18 +18,14 @@ def shown_s(duration_s: float) -> float:
 
 
 class Columns:
-    """Equal columns of time: of the whole recording, or of a part of it.
-
-    Attributes:
-        count: of the columns.
-        t_s: (2 count,) the times of the points.
-    """
+    """Equal columns of time: of the whole recording, or of a part of it."""
 
     def __init__(self, duration_s: float, count: int, from_s: float | None = None) -> None:
         """Args: how long they are together, how many, where a part begins."""
-        self.count = count
+        self.count = count  # of the columns
         self._from_s = from_s
         self._width_s = shown_s(duration_s) / count
+        # (2 count,) the times of the points
         self.t_s = (from_s or 0.0) + (np.arange(2 * count) + 0.5) * (0.5 * self._width_s)
 
     def of(self, t_s: Array, values: Array, turn: float | None = None) -> NDArray[np.float32]:
