@@ -72,7 +72,9 @@ ROOMS = {
             "tests/unit/apps/test_review.py",
         ),
     ),
-    "reviews": Room(("h2nav/reviews/**/*.py",), ("tests/unit/reviews",)),
+    "reviews": Room(
+        ("h2nav/reviews/**/*.py",), ("tests/unit/reviews", "tests/unit/test_schemas.py")
+    ),
     "motion": Room(
         ("h2nav/motion/**/*.py",),
         (

@@ -118,7 +118,7 @@ def _left(lined: _Lined, places: NDArray[np.intp]) -> Array:
     """(M,) rms residuals of windows after the best rotation; infinite if its tilt is too large."""
     found = np.full(len(places), np.nan)
     for row, place in enumerate(places):
-        t_s = lined.t_s[place] if place < len(lined.t_s) else np.inf
+        t_s = lined.t_s[place]
         part = slice(*np.searchsorted(lined.t_s, (t_s - HALF_S, t_s + HALF_S)))
         times = lined.t_s[part]
         if len(times) < FEWEST or np.diff(times).max() > LONGEST_PAUSE_S:

@@ -21,6 +21,8 @@ from tqdm import tqdm
 
 from mutation.operators import Mutant
 
+# A browser is a process: what only it notices is not stated by any test.
+NO_JUDGES = frozenset({"test_page_in_browser.py"})
 TOOLS = Path(__file__).resolve().parent.parent
 ARGUMENTS = ("-q", "-p", "no:cacheprovider", "-p", "pytest_timeout")
 
@@ -291,7 +293,8 @@ def _file(test: str) -> str:
 
 
 def _test_files(suite: Path) -> list[Path]:
-    return [suite] if suite.is_file() else sorted(suite.rglob("test_*.py"))
+    files = [suite] if suite.is_file() else sorted(suite.rglob("test_*.py"))
+    return [path for path in files if path.name not in NO_JUDGES]
 
 
 def _digest(paths: Sequence[Path]) -> str:

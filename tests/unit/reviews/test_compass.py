@@ -12,9 +12,12 @@ from reviewed_flights import (
 )
 
 from h2nav.integrity.findings import Severity
+from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array
 from h2nav.reviews.analysis import Analysis, analyse
+from h2nav.reviews.compass import look_at_compass
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.inertial import best_attitude
 
 IRON_UT = np.array([10.0, -8.0, 5.0])
 OFFSETS = {"COMPASS_OFS_X": 20.0, "COMPASS_OFS_Y": -30.0, "COMPASS_OFS_Z": 40.0}
@@ -153,6 +156,16 @@ def test_the_picture_of_the_field_has_the_models_norm_and_dip():
     np.testing.assert_allclose(field.norm_ut, field.model_norm_ut, atol=3.0)
     np.testing.assert_allclose(field.dip_rad, field.model_dip_rad, atol=0.05)
     assert abs(np.median(field.heading_rad)) < 0.03
+
+
+@pytest.mark.parametrize(("tilt_deg", "is_shown"), [(5.0, True), (8.0, False)])
+def test_an_attitude_unsure_of_its_tilt_shows_no_compass(tilt_deg, is_shown):
+    flown = flight()
+    sigma = np.full(len(flown.estimates.t_s), tilt_deg * DEG)
+    best = best_attitude(flown._replace(estimates=flown.estimates._replace(sigma_tilt_rad=sigma)))
+    track = flown.context.imus[0]
+    field, _, _ = look_at_compass(track, best, flown.earth, flown.context, is_raw=False)
+    assert (field is not None) is is_shown
 
 
 def test_without_an_attitude_nothing_is_said_of_a_compass():

@@ -101,6 +101,7 @@ def test_lane_switches_are_told_while_armed_only():
     assert finding.kind == "estimator_switch"
     assert finding.size == 2.0
     assert finding.from_s == 50.0
+    assert finding.text.endswith(", 2 times")
     assert not analyse(flight("rest", armed=(), primary=lanes)).findings
 
 

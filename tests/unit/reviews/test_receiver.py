@@ -8,8 +8,10 @@ from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
 
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Context, GpsTrack, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.receiver import look_at_receiver, moves_of
 from h2nav.sim.vehicle import EARTH_RADIUS_M
 
 
@@ -107,12 +109,58 @@ def test_a_jump_of_the_position_is_told():
     assert finding.from_s == pytest.approx(70.2, abs=0.3)
 
 
+def steady(count: int, period_s: float, speed_m_s: float = 30.0) -> GpsTrack:
+    """A receiver that moves north, and says so."""
+    t_s = np.arange(count) * period_s
+    north_m = speed_m_s * t_s
+    v_n = np.tile([speed_m_s, 0.0, 0.0], (count, 1))
+    v_n[:, 0] += 1e-3 * np.arange(count)  # never the same twice
+    return GpsTrack(
+        0,
+        t_s,
+        np.ones(count, dtype=bool),
+        north_m / EARTH_RADIUS_M / DEG,
+        np.zeros(count),
+        np.zeros(count),
+        v_n,
+        np.full(count, 0.3),
+        np.full(count, 14.0),
+    )
+
+
+def alone(gps: GpsTrack) -> list[Finding]:
+    """What is found without any other sensor, armed all the time."""
+    context = Context(duration_s=60.0, armed=(Span(0.0, 60.0, "armed"),))
+    return look_at_receiver(gps, context, None, None, is_polled=False)[1]
+
+
+def test_a_fast_vehicle_with_rare_fixes_does_not_jump():
+    assert not alone(steady(60, 1.0))
+
+
+@pytest.mark.parametrize(("fixes", "is_frozen"), [(4, False), (5, True)])
+def test_a_frozen_velocity_is_one_of_five_fixes(fixes, is_frozen):
+    gps = steady(60, 1.0)
+    gps.v_n[20 : 20 + fixes] = gps.v_n[20]
+    assert [one.kind for one in alone(gps)] == ["gps_frozen"] * is_frozen
+
+
+def test_a_receiver_without_a_vertical_velocity_moves_horizontally():
+    gps = steady(10, 1.0)
+    gps.v_n[:, 1:] = (2.0, math.nan)
+    moves = moves_of(gps)
+    assert moves.axes.tolist() == [True, True, False]
+    np.testing.assert_array_equal(moves.v_n[:, :2], gps.v_n[:, :2])
+    assert not moves.v_n[:, 2].any()
+
+
 def test_a_lost_fix_is_told_for_as_long_as_it_was_lost():
     flown = flight()
     gps = flown.context.gps[0]
     finding = only(with_gps(flown, has_fix=(gps.t_s < 40.0) | (gps.t_s > 60.0)), "gps_lost")
     assert finding.size == pytest.approx(20.0, abs=0.5)
     assert finding.from_s == pytest.approx(40.0, abs=0.5)
+    assert finding.to_s == pytest.approx(60.0, abs=0.5)
 
 
 def test_reports_that_stay_away_are_a_lost_fix_too():

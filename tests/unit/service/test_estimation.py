@@ -322,3 +322,18 @@ def test_fields_of_different_times_are_not_compared():
     flight.fields = {SECOND: (22.0, 0.0, -42.0)}
     flight.run(5.0)
     assert [alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER]
+
+
+def test_compasses_that_differ_are_reported_when_it_lasts():
+    def differ():
+        return [alarm for alarm in flight.estimation.alarms() if "compass" in alarm.kind]
+
+    flight = Flight(sends=(HIGHRES, SECOND))
+    flight.run(5.0)
+    flight.fields[SECOND] = (-22.0, 0.0, -42.0)
+    flight.run(1.0)
+    assert not differ()
+    flight.run(4.0)
+    (alarm,) = differ()
+    assert alarm.size == pytest.approx(180.0, abs=5.0)
+    assert alarm.since_s == pytest.approx(5.0, abs=0.5)

@@ -1,6 +1,8 @@
 import pytest
 
 from h2nav.service.health import Objection, ServiceState, Signs, judge
+from h2nav.service.notices import Notices
+from h2nav.service.standing import Standing
 
 NOW_NS = 100_000_000_000
 MS_NS = 1_000_000
@@ -75,3 +77,30 @@ def test_figures_change_the_text_and_not_the_cause():
         "degraded: late by 1.0 s",
         "degraded: late by 3.0 s",
     ]
+
+
+def reports(*rounds):
+    """What is reported of these signs, each a minute after the one before."""
+    standing = Standing(Notices(as_status_text=False))
+    found = []
+    for number, signs in enumerate(rounds):
+        t_ns = NOW_NS + 61_000 * MS_NS * number
+        standing.judge(t_ns, WELL._replace(last_sample_ns=t_ns, **signs))
+        found.append([notice.text for notice in standing.tell(t_ns, is_starting=False)])
+    return found
+
+
+def test_a_state_that_stays_is_reported_once_whatever_its_figures():
+    bad = [{"objections": (Objection("field", f"field {ut} uT"),)} for ut in (90, 91, 92)]
+    assert reports(*bad) == [["degraded: field 90 uT"], [], []]
+    assert reports({}, {}, *bad[:1], {}) == [["active"], [], ["degraded: field 90 uT"], ["active"]]
+
+
+def test_a_change_is_one_of_the_state_or_of_its_cause():
+    standing = Standing(Notices(as_status_text=False))
+    rounds = ((), (), ("field", "1"), ("field", "2"), ("force", "2"))
+    changed = [
+        standing.judge(NOW_NS, WELL._replace(objections=(Objection(*told),) if told else ()))
+        for told in rounds
+    ]
+    assert changed == [True, False, True, False, True]

@@ -52,8 +52,8 @@ class Rover:
         for _ in range(count):
             self.motion.on_refusal(self._envelope(sender), "wheels_not_finite")
 
-    def rolls(self, usec=None):
-        envelope = self._envelope()
+    def rolls(self, usec=None, sender=(1, 1)):
+        envelope = self._envelope(sender)
         way_m = 0.1 * self.number
         usec = envelope.t_ns // 1000 if usec is None else usec
         return self.motion.on_message(envelope, WheelDistances(usec, (way_m, way_m)))
@@ -82,6 +82,16 @@ def test_what_another_vehicle_sends_is_not_even_counted():
     rover.refused(REFUSED_IN_A_ROW, sender=(2, 1))
     assert rover.told == []
     assert rover.motion.rejected == {}
+
+
+def test_another_component_is_the_source_when_the_first_one_has_long_been_silent():
+    rover = Rover()
+    rover.rolls()
+    rover.rolls(sender=(1, 20))
+    assert rover.motion.rejected == {"wheels_other_source": 1}
+    rover.number += 100
+    rover.rolls(sender=(1, 20))
+    assert rover.motion.rejected == {"wheels_other_source": 1}
 
 
 def test_wheels_that_fall_silent_give_no_estimate_any_more():

@@ -10,6 +10,7 @@ from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.imu import ImuReading
 from h2nav.wire.position import Place
+from h2nav.wire.questions import Command
 from h2nav.wire.readers import Envelope, Message
 from h2nav.wire.vehicle import Heartbeat
 
@@ -28,10 +29,11 @@ class Bench:
         self.service = Service(chosen.service, surroundings)
         self.notices: list[str] = []
         self.t_us = 1_000 * US_PER_SECOND
+        self.ahead_us = 0  # the autopilot's clock
 
-    def rests(self, sender: tuple[int, int], seconds: int, force_m_s2: float) -> None:
+    def rests(self, sender: tuple[int, int], seconds: float, force_m_s2: float) -> None:
         """An autopilot at rest on the ground says so at 100 Hz, with a heartbeat a second."""
-        for count in range(100 * seconds):
+        for count in range(round(100 * seconds)):
             self.t_us += 10_000
             if count % 100 == 0:
                 beat = Heartbeat(
@@ -40,7 +42,8 @@ class Bench:
                 self._hears(sender, HEARTBEAT_ID, beat)
             noise = 1e-4 * (count % 7)  # a sensor that gives one value for ever is frozen
             force = (noise, 0.0, -force_m_s2)
-            reading = ImuReading(self.t_us, (noise, 0.0, 0.0), force, (20.0, 0.0, 45.0), False)
+            rates, field = (noise, 0.0, 0.0), (20.0, 0.0, 45.0)
+            reading = ImuReading(self.t_us + self.ahead_us, rates, force, field, False)
             self._hears(sender, RAW_IMU_ID, reading)
 
     def _hears(self, sender: tuple[int, int], message_id: int, message: Message) -> None:
@@ -80,6 +83,25 @@ def test_the_units_of_another_autopilot_are_looked_at_anew() -> None:
     assert [text for text in bench.notices if text.startswith("|acc|")] == [
         "|acc| at rest 1 m/s2, not 9.8: sent in g as if in m/s2"
     ]
+
+
+def test_an_attitude_from_before_a_reboot_is_not_handed_out() -> None:
+    bench = Bench()
+    attitude_id = mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION
+    question = Command(mavlink.MAV_CMD_REQUEST_MESSAGE, attitude_id, 0.0, (1, 0))
+
+    def answers() -> list[str]:
+        t_ns = 1000 * bench.t_us
+        envelope = Envelope(t_ns, t_ns, (255, 190), mavlink.MAVLINK_MSG_ID_COMMAND_LONG)
+        effects = bench.service.on_message(envelope, question)
+        return [effect.message.get_type() for effect in effects if isinstance(effect, Send)]
+
+    bench.rests((1, 1), 5, GRAVITY_M_S2)
+    assert "ATTITUDE_QUATERNION" in answers()
+    bench.ahead_us = -990 * US_PER_SECOND
+    while "autopilot rebooted" not in bench.notices:
+        bench.rests((1, 1), 0.01, GRAVITY_M_S2)
+    assert "ATTITUDE_QUATERNION" not in answers()
 
 
 def test_a_ground_station_that_comes_late_is_told_what_is_wrong_once() -> None:

@@ -251,6 +251,16 @@ def test_a_link_that_cannot_carry_a_rate_is_asked_for_less_of_it():
     assert talk.requests.granted_hz(RAW) == pytest.approx(rates[2], abs=0.5)
 
 
+def test_the_second_request_for_less_is_for_half():
+    talk = Talk((Wish(RAW, 100.0),), most_messages_s=60.0)
+    while len(talk.asked) < 3:
+        talk.run(talk.t_s + 0.1)
+    talk._most_messages_s = 26.0
+    talk.run(60.0)
+    rates = [1e6 / m.param2 for _, m in talk.asked]
+    assert rates == pytest.approx([100.0, 100.0, 48.0, 24.0], abs=1.0)
+
+
 def test_a_rate_that_others_had_is_not_undercut():
     talk = Talk((Wish(RAW, 100.0),), carries=0.6, sends={RAW: 90.0}).run(60.0)
     assert min(1e6 / m.param2 for _, m in talk.asked) > 0.6 * 90.0 * 0.9
@@ -453,7 +463,9 @@ def test_an_optional_stream_never_costs_the_others(most_messages_s):
     """There is no room for both IMUs on this link: it is left, and nothing more is told."""
     alone = Talk(USUAL, most_messages_s=most_messages_s).run(120.0)
     talk = Talk(WITH_SECOND_IMU, most_messages_s=most_messages_s).run(120.0)
-    assert [m.param2 for _, m in talk.asked if int(m.param1) == SECOND_IMU][-1] == 0.0
+    rates = [m.param2 and 1e6 / m.param2 for _, m in talk.asked if int(m.param1) == SECOND_IMU]
+    assert rates[-1] == 0.0
+    assert set(rates[:-1]) == {100.0}  # none that would be too slow beside the first
     assert SECOND_IMU not in talk.hz
     assert talk.requests.measured_hz(HIGHRES) == pytest.approx(100.0, rel=0.05)
     assert talk.requests.granted_hz(HIGHRES) == 100.0
