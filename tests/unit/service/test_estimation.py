@@ -163,6 +163,9 @@ def test_a_gap_of_the_whole_link_is_no_cause():
     flight = Flight(sends=(SECOND, HIGHRES))
     flight.run(10.0)
     flight.tick += 200
+    flight.sends = (SECOND,)  # the first to be heard again
+    flight.run(0.1)
+    flight.sends = (SECOND, HIGHRES)
     flight.run(5.0)
     assert flight.message == HIGHRES
     assert flight.texts == []
@@ -322,6 +325,26 @@ def test_fields_of_different_times_are_not_compared():
     flight.fields = {SECOND: (22.0, 0.0, -42.0)}
     flight.run(5.0)
     assert [alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER]
+
+
+def test_the_newest_time_is_that_of_the_newest_sample():
+    flight = Flight(sends=(RAW,))
+    assert flight.estimation.newest_t_us is None
+    sample = flight.run(0.1)[-1].sample
+    assert flight.estimation.newest_t_us == sample.t_us
+
+
+def test_a_lane_that_is_left_is_blamed_for_what_is_off():
+    gyro = Flight(sends=(HIGHRES, SECOND))
+    gyro.run(5.0)
+    gyro.biases[HIGHRES] = (0.0, 0.1, 0.0)
+    gyro.run(8.0)
+    assert gyro.texts == ["IMU 2 instead of 1: its gyro or force is off"]
+    compass = Flight(sends=(HIGHRES, SECOND))
+    compass.run(5.0)
+    compass.fields[HIGHRES] = (-22.0, 0.0, -42.0)
+    compass.run(15.0)
+    assert compass.texts == ["IMU 2 instead of 1: its compass is off"]
 
 
 def test_compasses_that_differ_are_reported_when_it_lasts():

@@ -29,7 +29,9 @@ def test_each_calibrated_field_is_used_once_and_no_raw_one_beside_it():
 def test_where_no_calibrated_field_comes_the_raw_one_is_what_there_is():
     source = FieldSource(PX4, lends=True)
     assert field_at(source, 0) is None
+    assert not source.is_raw
     assert field_at(source, WAIT_NS + 1) == RAW
+    assert source.is_raw
     assert not source.has_lent
 
 

@@ -20,8 +20,20 @@ WRONG = Alarm(
 class Always:
     """Somebody who does not notice that no more samples come."""
 
+    def __init__(self) -> None:
+        self.asked = 0
+
     def alarms(self) -> tuple[Alarm, ...]:
+        self.asked += 1
         return (WRONG,)
+
+
+def test_however_many_messages_come_it_looks_a_few_times_a_second() -> None:
+    always = Always()
+    judgement = Judgement(lambda *_: [], always)
+    for t_ms in range(1_000, 11_000, 5):
+        judgement.look(t_ms * SECOND_NS // 1_000)
+    assert 20 <= always.asked <= 100
 
 
 def test_what_was_wrong_before_a_pause_is_not_told_again_at_its_end() -> None:

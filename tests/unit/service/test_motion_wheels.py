@@ -84,6 +84,13 @@ def test_what_another_vehicle_sends_is_not_even_counted():
     assert rover.motion.rejected == {}
 
 
+def test_a_time_far_off_is_refused_and_counted():
+    rover = Rover()
+    rover.rolls()
+    rover.rolls(usec=77_000_000_000)
+    assert rover.motion.rejected == {"wheels_stray_time": 1}
+
+
 def test_another_component_is_the_source_when_the_first_one_has_long_been_silent():
     rover = Rover()
     rover.rolls()

@@ -6,13 +6,13 @@ from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.files.earth_field import earth_field_at
 from h2nav.maths.units import GRAVITY_M_S2
-from h2nav.service.effects import Notice, Send
+from h2nav.service.effects import Notice, Record, Send
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.imu import ImuReading
 from h2nav.wire.position import Place
 from h2nav.wire.questions import Command
 from h2nav.wire.readers import Envelope, Message
-from h2nav.wire.vehicle import Heartbeat
+from h2nav.wire.vehicle import CommandAck, Heartbeat, LandedState
 
 HEARTBEAT_ID = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 RAW_IMU_ID = mavlink.MAVLINK_MSG_ID_RAW_IMU
@@ -30,6 +30,7 @@ class Bench:
         self.notices: list[str] = []
         self.t_us = 1_000 * US_PER_SECOND
         self.ahead_us = 0  # the autopilot's clock
+        self.is_armed = False
 
     def rests(self, sender: tuple[int, int], seconds: float, force_m_s2: float) -> None:
         """An autopilot at rest on the ground says so at 100 Hz, with a heartbeat a second."""
@@ -37,7 +38,7 @@ class Bench:
             self.t_us += 10_000
             if count % 100 == 0:
                 beat = Heartbeat(
-                    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False
+                    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, self.is_armed
                 )
                 self._hears(sender, HEARTBEAT_ID, beat)
             noise = 1e-4 * (count % 7)  # a sensor that gives one value for ever is frozen
@@ -102,6 +103,40 @@ def test_an_attitude_from_before_a_reboot_is_not_handed_out() -> None:
     while "autopilot rebooted" not in bench.notices:
         bench.rests((1, 1), 0.01, GRAVITY_M_S2)
     assert "ATTITUDE_QUATERNION" not in answers()
+
+
+def test_a_landed_state_that_lasts_is_passed_to_the_filter_once() -> None:
+    bench = Bench()
+    bench.is_armed = True
+    bench.rests((1, 1), 3, GRAVITY_M_S2)
+    passed = []
+    for _ in range(10):
+        bench.rests((1, 1), 0.1, GRAVITY_M_S2)
+        bench.t_us += US_PER_SECOND
+        t_ns = 1000 * bench.t_us
+        envelope = Envelope(t_ns, t_ns, (1, 1), mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+        effects = bench.service.on_message(envelope, LandedState(on_ground=True))
+        passed += [e.record.on_ground for e in effects if isinstance(e, Record)]
+    assert passed == [True]
+
+
+def test_a_stream_that_is_refused_is_reported() -> None:
+    bench = Bench()
+    bench.rests((1, 1), 1, GRAVITY_M_S2)
+    denied = CommandAck(
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED, target=(0, 0)
+    )
+    said: list[str] = []
+    bench.service.on_link(1000 * bench.t_us, True)
+    for _ in range(50):
+        bench.rests((1, 1), 0.1, GRAVITY_M_S2)
+        t_ns = 1000 * bench.t_us
+        effects = bench.service.on_timer(t_ns)
+        said += [effect.text for effect in effects if isinstance(effect, Notice)]
+        if any(isinstance(e, Send) and e.message.get_type() == "COMMAND_LONG" for e in effects):
+            envelope = Envelope(t_ns, t_ns, (1, 1), mavlink.MAVLINK_MSG_ID_COMMAND_ACK)
+            bench.service.on_message(envelope, denied)
+    assert [text for text in said if text.endswith("refused")]
 
 
 def test_a_ground_station_that_comes_late_is_told_what_is_wrong_once() -> None:
