@@ -101,19 +101,28 @@ def test_who_turns_a_vehicle_over_by_hand_crashes_nothing(share):
     assert Kind.CRASH not in kinds(flown)
 
 
-def test_a_blow_that_leaves_it_upright_is_a_hard_landing():
-    flown = multirotor()
+def landed_hard(flown: Flight, at_s: float, to_s: float) -> Flight:
+    """Struck with 8 g, then upright on the ground for a while."""
     first = flown.context.imus[0]
     f_b, w_b = first.f_b.copy(), first.w_b.copy()
-    down = first.t_s > 100.0
+    down = (first.t_s > at_s) & (first.t_s < to_s)
     f_b[down], w_b[down] = np.array([0.0, 0.0, -GRAVITY_M_S2]), 0.0
     f_b[np.flatnonzero(down)[:6], 2], w_b[np.flatnonzero(down)[:6], 0] = -80.0, 7.0
-    pwm_us = np.where((T_S > 100.0)[:, None], 1000.0, motors().pwm_us)
+    pwm_us = np.where(down[:, None], 1000.0, motors().pwm_us)
     flown = with_imu(flown, f_b=f_b, w_b=w_b)
-    flown = flown._replace(context=flown.context._replace(motors=motors()._replace(pwm_us=pwm_us)))
-    found = kinds(flown)
+    return flown._replace(context=flown.context._replace(motors=motors()._replace(pwm_us=pwm_us)))
+
+
+def test_a_blow_that_leaves_it_upright_is_a_hard_landing():
+    found = kinds(landed_hard(multirotor(), 100.0, np.inf))
     assert Kind.CRASH not in found
     assert found[Kind.HARD_LANDING].from_s == pytest.approx(100.0, abs=0.3)
+
+
+def test_a_second_impact_has_its_own_time():
+    flown = tipped(landed_hard(multirotor(), 60.0, 70.0), 100.0)
+    times = [impact.t_s for impact in analyse(flown).impacts]
+    assert times == pytest.approx([60.0, 100.0], abs=0.3)
 
 
 def test_a_crash_check_without_a_crash_is_false():
