@@ -303,7 +303,7 @@ def test_a_filter_is_told_how_late_its_samples_are_once_their_period_is_known():
 
 
 def compasses_differ(flight):
-    return any(alarm.kind is Kind.COMPASSES_DIFFER for alarm in flight.estimation.alarms())
+    return [alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER]
 
 
 def test_fields_of_different_times_are_not_compared():
@@ -314,17 +314,13 @@ def test_fields_of_different_times_are_not_compared():
     for _ in range(20):
         flight.run(0.2)
         flight.tick += 50
-    assert not [
-        alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER
-    ]
+    assert not compasses_differ(flight)
     flight.sends = (HIGHRES, SECOND)
     flight.run(5.0)
-    assert not [
-        alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER
-    ]
+    assert not compasses_differ(flight)
     flight.fields = {SECOND: (22.0, 0.0, -42.0)}
     flight.run(5.0)
-    assert [alarm for alarm in flight.estimation.alarms() if alarm.kind is Kind.COMPASSES_DIFFER]
+    assert compasses_differ(flight)
 
 
 def test_the_newest_time_is_that_of_the_newest_sample():
@@ -348,15 +344,12 @@ def test_a_lane_that_is_left_is_blamed_for_what_is_off():
 
 
 def test_compasses_that_differ_are_reported_when_it_lasts():
-    def differ():
-        return [alarm for alarm in flight.estimation.alarms() if "compass" in alarm.kind]
-
     flight = Flight(sends=(HIGHRES, SECOND))
     flight.run(5.0)
     flight.fields[SECOND] = (-22.0, 0.0, -42.0)
     flight.run(1.0)
-    assert not differ()
+    assert not compasses_differ(flight)
     flight.run(4.0)
-    (alarm,) = differ()
+    (alarm,) = compasses_differ(flight)
     assert alarm.size == pytest.approx(180.0, abs=5.0)
     assert alarm.since_s == pytest.approx(5.0, abs=0.5)
