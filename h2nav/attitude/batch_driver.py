@@ -24,21 +24,14 @@ CHUNK = 1 << 12  # samples whose table stays in the processor's cache
 
 
 class BatchResult(NamedTuple):
-    """Estimates of a recording, one row per sample; NaN before the first attitude.
+    """Estimates of a recording, one row per sample; NaN before the first attitude."""
 
-    Attributes:
-        q_nb: (N, 4) attitude, body to NED, scalar first.
-        bias_b: (N, 3) gyro bias, rad/s.
-        sigma_tilt_rad: (N,) predicted deviation of the tilt; empty unless requested.
-        sigma_heading_rad: (N,) of the heading; empty unless requested.
-        trust: (N,) `Trust` as numbers; empty unless requested.
-    """
-
-    q_nb: Floats
-    bias_b: Floats
+    q_nb: Floats  # (N, 4) attitude, body to NED, scalar first
+    bias_b: Floats  # (N, 3) gyro bias, rad/s
+    # (N,) predicted deviation of the tilt; empty unless requested
     sigma_tilt_rad: Floats = NONE_ASKED
-    sigma_heading_rad: Floats = NONE_ASKED
-    trust: Integers = NO_BITS
+    sigma_heading_rad: Floats = NONE_ASKED  # (N,) of the heading; empty unless requested
+    trust: Integers = NO_BITS  # (N,) `Trust` as numbers; empty unless requested
 
     @property
     def is_explained(self) -> bool:
@@ -56,21 +49,13 @@ def empty_result(count: int, *, explains: bool) -> BatchResult:
 
 
 class BatchSamples(NamedTuple):
-    """A recording, one row per sample.
+    """A recording, one row per sample."""
 
-    Attributes:
-        t_us: (N,) time since the start, increasing.
-        gyr: (N, 3) angular rate, rad/s, body FRD.
-        acc: (N, 3) specific force, m/s^2, body FRD.
-        mag: (N, 3) field, microtesla, body FRD.
-        has_field: (N,) False where a part of the field is NaN.
-    """
-
-    t_us: Integers
-    gyr: Floats
-    acc: Floats
-    mag: Floats
-    has_field: Mask
+    t_us: Integers  # (N,) time since the start, increasing
+    gyr: Floats  # (N, 3) angular rate, rad/s, body FRD
+    acc: Floats  # (N, 3) specific force, m/s^2, body FRD
+    mag: Floats  # (N, 3) field, microtesla, body FRD
+    has_field: Mask  # (N,) False where a part of the field is NaN
 
     def part(self, first: int, stop: int) -> "BatchSamples":
         """A slice of the rows."""

@@ -10,21 +10,13 @@ from typing import NamedTuple
 
 
 class KernelFiles(NamedTuple):
-    """The sources of one kernel.
+    """The sources of one kernel."""
 
-    Attributes:
-        name: of the filter, with ``_integer`` where the filter has floats too; or of the watch.
-        paths: inside the room, imported ones first.
-        entry: the function that takes state, gains and a sample.
-        room: the package inside ``h2nav``.
-        declared: other declarations of fields of its records, read by import.
-    """
-
-    name: str
-    paths: tuple[str, ...]
-    entry: str
-    room: str = "attitude"
-    declared: tuple[str, ...] = ()
+    name: str  # of the filter, with ``_integer`` where the filter has floats too; or of the watch
+    paths: tuple[str, ...]  # inside the room, imported ones first
+    entry: str  # the function that takes state, gains and a sample
+    room: str = "attitude"  # the package inside ``h2nav``
+    declared: tuple[str, ...] = ()  # other declarations of fields of its records, read by import
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -22,23 +22,15 @@ R = TypeVar("R")
 
 
 class Row(NamedTuple):
-    """One field of a record.
+    """One field of a record."""
 
-    Attributes:
-        name: of the attribute and of the C member.
-        size: length of a vector; None for a single number.
-        range: lowest and highest value of an integer, both included; None for a float.
-        unit: of the value; plain for a number without one.
-        about: its meaning.
-        q: fraction bits of an integer, which represents value 2^-q.
-    """
-
-    name: str
-    size: int | None
+    name: str  # of the attribute and of the C member
+    size: int | None  # length of a vector; None for a single number
+    # lowest and highest value of an integer, both included; None for a float
     range: tuple[int, int] | None
-    unit: str
-    about: str
-    q: int = 0
+    unit: str  # of the value; plain for a number without one
+    about: str  # its meaning
+    q: int = 0  # fraction bits of an integer, which represents value 2^-q
 
     @property
     def length(self) -> int:

@@ -86,31 +86,23 @@ class Cause(Enum):
 
 
 class Explained(NamedTuple):
-    """The explanation of the window that ends now.
+    """The explanation of the window that ends now."""
 
-    Attributes:
-        odds: of the best cause against none, as a logarithm; 0: nothing to explain.
-        shares: probabilities of the causes; with that of "nothing is wrong" their sum is 1.
-        is_seen: the residuals of the best cause are noise, and a sensor's fault began within the
-            window: a constant error may be a wrong estimate of a sound sensor. Vibration has to
-            show in the samples.
-        rate_b: error of the filter's present gyro bias, if the gyro is the cause, rad/s.
-        force_b: the same of the accelerometer, m/s^2; z is not estimated.
-        step: size of the fault that began within the window, rad/s or m/s^2.
-        tilt_rad: deviation of the filter's present tilt by the causes that are still possible.
-        heading_rad: the same of its heading.
-        drift_m_s2: deviation of a drift of the velocity, if that may be false.
-    """
-
-    odds: float = 0.0
+    odds: float = 0.0  # of the best cause against none, as a logarithm; 0: nothing to explain
+    # probabilities of the causes; with that of "nothing is wrong" their sum is 1
     shares: tuple[tuple[Cause, float], ...] = ()
+    # the residuals of the best cause are noise, and a sensor's fault began within the window:
+    # a constant error may be a wrong estimate of a sound sensor. Vibration has to show in the
+    # samples.
     is_seen: bool = True
+    # error of the filter's present gyro bias, if the gyro is the cause, rad/s
     rate_b: Vec3 = (0.0, 0.0, 0.0)
-    force_b: Vec3 = (0.0, 0.0, 0.0)
-    step: float = 0.0
+    force_b: Vec3 = (0.0, 0.0, 0.0)  # the same of the accelerometer, m/s^2; z is not estimated
+    step: float = 0.0  # size of the fault that began within the window, rad/s or m/s^2
+    # deviation of the filter's present tilt by the causes that are still possible
     tilt_rad: float = 0.0
-    heading_rad: float = 0.0
-    drift_m_s2: float = 0.0
+    heading_rad: float = 0.0  # the same of its heading
+    drift_m_s2: float = 0.0  # deviation of a drift of the velocity, if that may be false
 
     def share(self, cause: Cause) -> float:
         """Probability of a cause."""
@@ -167,17 +159,11 @@ _TILT, _HEADING, _RATE, _SCALE, _FORCE, _LAG = 0, 2, 3, 6, 9, 11
 
 
 class Known(NamedTuple):
-    """The knowledge at the end of a window.
+    """The knowledge at the end of a window."""
 
-    Attributes:
-        errors: the filter's knowledge of its sensors.
-        moment: of the last mark.
-        jitter_m_s: noise of single velocities.
-    """
-
-    errors: SensorErrors
-    moment: Moment
-    jitter_m_s: float
+    errors: SensorErrors  # the filter's knowledge of its sensors
+    moment: Moment  # of the last mark
+    jitter_m_s: float  # noise of single velocities
 
 
 def explain(rows: Sequence[VelocityRow], known: Known) -> Explained:
@@ -193,21 +179,13 @@ def explain(rows: Sequence[VelocityRow], known: Known) -> Explained:
 
 
 class _Variant(NamedTuple):
-    """A cause with its beginning.
+    """A cause with its beginning."""
 
-    Attributes:
-        cause: the cause.
-        fit: of its unknowns.
-        own: number of unknowns besides the usual ones.
-        begun: row with which it began.
-        drifts: its own unknowns begin with a drift of the velocity north and east.
-    """
-
-    cause: Cause
-    fit: HypothesisFit
-    own: int = 0
-    begun: int = 0
-    drifts: bool = False
+    cause: Cause  # the cause
+    fit: HypothesisFit  # of its unknowns
+    own: int = 0  # number of unknowns besides the usual ones
+    begun: int = 0  # row with which it began
+    drifts: bool = False  # its own unknowns begin with a drift of the velocity north and east
 
 
 class _Comparison:

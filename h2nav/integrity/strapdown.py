@@ -28,43 +28,27 @@ _REMEMBERED = ("q_sb", "gained_s", "path_rad", "turn_variance", "gained_variance
 
 
 class Moment(NamedTuple):
-    """The state of dead reckoning at a time.
+    """The state of dead reckoning at a time."""
 
-    Attributes:
-        t_us: time of the sample.
-        gained_s: integral of the specific force, m/s, in the axes of the start.
-        q_ns: frame of the start to north, east, down, by the estimate of this time.
-        sigma_tilt_rad: of that estimate; assumed if not predicted.
-        sigma_heading_rad: the same.
-        path_rad: angle turned through, in any direction.
-        turn_variance: of the turn since the start, rad^2, from motion missed between slow samples.
-        gained_variance: of `gained_s`, (m/s)^2, likewise.
-        q_sb: turn since the start, up to the last stored sample.
-        bias_b: of the gyro, as known then, rad/s.
-    """
-
-    t_us: int
-    gained_s: Vec3
-    q_ns: Quat
-    sigma_tilt_rad: float
-    sigma_heading_rad: float
-    path_rad: float
+    t_us: int  # time of the sample
+    gained_s: Vec3  # integral of the specific force, m/s, in the axes of the start
+    q_ns: Quat  # frame of the start to north, east, down, by the estimate of this time
+    sigma_tilt_rad: float  # of that estimate; assumed if not predicted
+    sigma_heading_rad: float  # the same
+    path_rad: float  # angle turned through, in any direction
+    # of the turn since the start, rad^2, from motion missed between slow samples
     turn_variance: float
-    gained_variance: float
-    q_sb: Quat = (1.0, 0.0, 0.0, 0.0)
-    bias_b: Vec3 = (0.0, 0.0, 0.0)
+    gained_variance: float  # of `gained_s`, (m/s)^2, likewise
+    q_sb: Quat = (1.0, 0.0, 0.0, 0.0)  # turn since the start, up to the last stored sample
+    bias_b: Vec3 = (0.0, 0.0, 0.0)  # of the gyro, as known then, rad/s
 
 
 class _Kept(NamedTuple):
-    """The stored data of a moment.
+    """The stored data of a moment."""
 
-    Attributes:
-        t_us: time of the sample.
-        numbers: `_REMEMBERED` of that time, then q_nb, both deviations and the gyro's bias of its
-            estimate. There are 20 of them a second: objects would be four times as large.
-    """
-
-    t_us: int
+    t_us: int  # time of the sample
+    # `_REMEMBERED` of that time, then q_nb, both deviations and the gyro's bias of its
+    # estimate. There are 20 of them a second: objects would be four times as large.
     numbers: "array[float]"
 
 

@@ -33,27 +33,19 @@ NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
 
 class VelocityRow(NamedTuple):
-    """The time between two marks, ROW_S or more apart; vectors in axes s.
+    """The time between two marks, ROW_S or more apart; vectors in axes s."""
 
-    Attributes:
-        begun: the mark at its beginning.
-        ended: the mark at its end.
-        errors: the filter's knowledge of its sensors at the beginning.
-        length_s: from mark to mark.
-        begun_jerk_n: change of the acceleration with time at its beginning, m/s^3, north and east.
-        ended_jerk_n: the same at its end.
-        integrals: vectors one after the other (a tuple of tuples is five times as large): GAINED,
-            the integral of the specific force, m/s; TURNED, the negative angle of each of TURNS,
-            per unit; BENT, the effect of these turns on the gained velocity, per the same units;
-            PUSHED, minus the integral of the body's axes x and y, s.
-    """
-
-    begun: Mark
-    ended: Mark
-    errors: SensorErrors
-    length_s: float
+    begun: Mark  # the mark at its beginning
+    ended: Mark  # the mark at its end
+    errors: SensorErrors  # the filter's knowledge of its sensors at the beginning
+    length_s: float  # from mark to mark
+    # change of the acceleration with time at its beginning, m/s^3, north and east
     begun_jerk_n: Level
-    ended_jerk_n: Level
+    ended_jerk_n: Level  # the same at its end
+    # vectors one after the other (a tuple of tuples is five times as large): GAINED, the
+    # integral of the specific force, m/s; TURNED, the negative angle of each of TURNS, per
+    # unit; BENT, the effect of these turns on the gained velocity, per the same units;
+    # PUSHED, minus the integral of the body's axes x and y, s
     integrals: "array[float]"
 
     @property
@@ -186,24 +178,17 @@ class VelocityRows:
 
 
 class VelocityColumns(NamedTuple):
-    """A window of rows as a linear model: north of each row, then east of each.
+    """A window of rows as a linear model: north of each row, then east of each."""
 
-    Attributes:
-        left: measured minus predicted change of velocity, m/s.
-        of: effect of each unknown on it.
-        gained: of the rows, NED, m/s.
-        turned: from the beginning of the window to that of each row, by a bias of each axis of the
-            gyro, per unit, NED.
-        turned_in_all: from the beginning of the window to its end, by bias and scale of each axis,
-            likewise.
-        used_n: to be added to the strapdown's turn: it used later biases than the window's first.
-    """
-
-    left: list[float]
-    of: list[list[float]]
-    gained: list[Vec3]
+    left: list[float]  # measured minus predicted change of velocity, m/s
+    of: list[list[float]]  # effect of each unknown on it
+    gained: list[Vec3]  # of the rows, NED, m/s
+    # from the beginning of the window to that of each row, by a bias of each axis of the
+    # gyro, per unit, NED
     turned: list[tuple[Vec3, Vec3, Vec3]]
+    # from the beginning of the window to its end, by bias and scale of each axis, likewise
     turned_in_all: tuple[Vec3, ...]
+    # to be added to the strapdown's turn: it used later biases than the window's first
     used_n: Vec3
 
     def from_row(self, begun: int, j: int) -> list[float]:

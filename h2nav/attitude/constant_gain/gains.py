@@ -49,19 +49,12 @@ COMMON_FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 
 
 class ConstantGainModel(NamedTuple):
-    """The inputs of the constant gains.
+    """The inputs of the constant gains."""
 
-    Attributes:
-        name: of the gain file.
-        rate_hz: nominal sample rate.
-        densities: noise of the sensors, and the field.
-        force_weight: factor on the accelerometer's information.
-    """
-
-    name: str
-    rate_hz: float
-    densities: SensorDensities
-    force_weight: float
+    name: str  # of the gain file
+    rate_hz: float  # nominal sample rate
+    densities: SensorDensities  # noise of the sensors, and the field
+    force_weight: float  # factor on the accelerometer's information
 
 
 class ConstantGains(NamedTuple):
@@ -69,34 +62,21 @@ class ConstantGains(NamedTuple):
 
     x and y of zeta weigh gravity and field by their information; z comes from the field alone and
     is not weighted, so that its column of the gains includes the field's weight.
-
-    Attributes:
-        attitude: rotation per unit of zeta and sample, magnetic NED.
-        bias: rad/s per unit of zeta and sample.
-        gravity_weight: share of gravity in zeta; the field has the rest.
-        dip_rad: dip of the field.
-        rate_hz: samples per second.
     """
 
-    attitude: Matrix
-    bias: Matrix
-    gravity_weight: float
-    dip_rad: float
-    rate_hz: float
+    attitude: Matrix  # rotation per unit of zeta and sample, magnetic NED
+    bias: Matrix  # rad/s per unit of zeta and sample
+    gravity_weight: float  # share of gravity in zeta; the field has the rest
+    dip_rad: float  # dip of the field
+    rate_hz: float  # samples per second
 
 
 class ConstantIntegerGains(NamedTuple):
-    """The kernel's gains and their rounding errors.
+    """The kernel's gains and their rounding errors."""
 
-    Attributes:
-        gains: of the kernel.
-        rounded: the gains that the integers represent.
-        rounding_error: largest change of a gain, relative to the largest of its matrix.
-    """
-
-    gains: Gains
-    rounded: ConstantGains
-    rounding_error: float
+    gains: Gains  # of the kernel
+    rounded: ConstantGains  # the gains that the integers represent
+    rounding_error: float  # largest change of a gain, relative to the largest of its matrix
 
 
 def constant_gain_model(file: GainFile, place: str) -> ConstantGainModel:

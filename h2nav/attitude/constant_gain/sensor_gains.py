@@ -59,19 +59,12 @@ class GainLevel(NamedTuple):
 
 
 class SensorGains(NamedTuple):
-    """The contents of a sensor's gain file.
+    """The contents of a sensor's gain file."""
 
-    Attributes:
-        name: of the gain file.
-        rate_hz: nominal sample rate.
-        densities: noise and field for which the gains are optimal.
-        levels: one gain per accelerometer weight, weights falling from 1.
-    """
-
-    name: str
-    rate_hz: float
-    densities: SensorDensities
-    levels: tuple[GainLevel, ...]
+    name: str  # of the gain file
+    rate_hz: float  # nominal sample rate
+    densities: SensorDensities  # noise and field for which the gains are optimal
+    levels: tuple[GainLevel, ...]  # one gain per accelerometer weight, weights falling from 1
 
 
 def design_sensor_gains(densities: SensorDensities, rate_hz: float, name: str) -> SensorGains:

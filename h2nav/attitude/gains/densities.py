@@ -9,22 +9,14 @@ class SensorDensities(NamedTuple):
     """The inputs of constant gains: two-sided noise densities and the field.
 
     A sample at rate f of noise with density n has the variance n^2 f.
-
-    Attributes:
-        gyro: rad/s/sqrt(Hz).
-        bias_walk: rad/s/sqrt(s).
-        accelerometer: m/s^2/sqrt(Hz).
-        magnetometer: microtesla/sqrt(Hz).
-        gravity_m_s2: size of the gravity vector.
-        field: the earth field; its declination is not used.
     """
 
-    gyro: float
-    bias_walk: float
-    accelerometer: float
-    magnetometer: float
-    gravity_m_s2: float
-    field: EarthField
+    gyro: float  # rad/s/sqrt(Hz)
+    bias_walk: float  # rad/s/sqrt(s)
+    accelerometer: float  # m/s^2/sqrt(Hz)
+    magnetometer: float  # microtesla/sqrt(Hz)
+    gravity_m_s2: float  # size of the gravity vector
+    field: EarthField  # the earth field; its declination is not used
 
 
 def information(densities: SensorDensities, rate_hz: float) -> tuple[float, float]:

@@ -22,29 +22,17 @@ _ENVELOPE = ("format", "kind", "name", "rate_hz", *_SECTIONS, "made_by")
 
 @dataclass(frozen=True, slots=True)
 class GainFile:
-    """The common envelope of gain files.
+    """The common envelope of gain files."""
 
-    Attributes:
-        kind: as in the file, one of `KINDS` or `FORMER_KINDS`.
-        name: unique among the shipped files.
-        rate_hz: sample rate for which the gains are optimal.
-        model: the physical inputs, units in the key names.
-        gains: for the filter, complete in themselves.
-        methods: gain and H2 norm per synthesis method.
-        certificate: for `h2nav certify`.
-        fixed_point: the integer image of the gains.
-        made_by: program and version.
-    """
-
-    kind: str
-    name: str
-    rate_hz: float
-    model: Mapping[str, object]
-    gains: Mapping[str, object]
-    methods: Mapping[str, object]
-    certificate: Mapping[str, object]
-    fixed_point: Mapping[str, object]
-    made_by: str
+    kind: str  # as in the file, one of `KINDS` or `FORMER_KINDS`
+    name: str  # unique among the shipped files
+    rate_hz: float  # sample rate for which the gains are optimal
+    model: Mapping[str, object]  # the physical inputs, units in the key names
+    gains: Mapping[str, object]  # for the filter, complete in themselves
+    methods: Mapping[str, object]  # gain and H2 norm per synthesis method
+    certificate: Mapping[str, object]  # for `h2nav certify`
+    fixed_point: Mapping[str, object]  # the integer image of the gains
+    made_by: str  # program and version
 
     @property
     def filter_name(self) -> str:

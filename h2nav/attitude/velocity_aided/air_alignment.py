@@ -36,37 +36,22 @@ SUMS = SIZE * (SIZE + 1) // 2
 
 
 class Leveled(NamedTuple):
-    """The result of a window.
+    """The result of a window."""
 
-    Attributes:
-        q_nb: attitude, body to NED, now.
-        tilt_sigma_rad: deviation of its tilt, from the noise of velocities and heading.
-        heading_sigma_rad: deviation of its heading; infinite: it is the given one.
-        length_s: of the window.
-    """
-
-    q_nb: Quat
-    tilt_sigma_rad: float
-    heading_sigma_rad: float
-    length_s: float
+    q_nb: Quat  # attitude, body to NED, now
+    tilt_sigma_rad: float  # deviation of its tilt, from the noise of velocities and heading
+    heading_sigma_rad: float  # deviation of its heading; infinite: it is the given one
+    length_s: float  # of the window
 
 
 class AirReference(NamedTuple):
-    """Knowledge of the field.
+    """Knowledge of the field."""
 
-    Attributes:
-        norm: of the field, in the samples' unit; 0: unknown.
-        dip_rad: inclination, positive down.
-        declination_rad: of magnetic north.
-        norm_gate: allowed relative error of a norm.
-        dip_gate_rad: allowed error of a dip.
-    """
-
-    norm: float
-    dip_rad: float
-    declination_rad: float
-    norm_gate: float
-    dip_gate_rad: float
+    norm: float  # of the field, in the samples' unit; 0: unknown
+    dip_rad: float  # inclination, positive down
+    declination_rad: float  # of magnetic north
+    norm_gate: float  # allowed relative error of a norm
+    dip_gate_rad: float  # allowed error of a dip
 
 
 class AirAlignment:

@@ -22,41 +22,24 @@ _REQUIRED = tuple(key for key in _KEYS if key not in _ABSENT)
 
 
 class VelocityAidedGains(NamedTuple):
-    """Everything precomputed for `VelocityAidedFilter`.
+    """Everything precomputed for `VelocityAidedFilter`."""
 
-    Attributes:
-        name: of the gain file.
-        rate_hz: nominal sample rate.
-        vehicle_class: one of `VEHICLE_CLASSES`.
-        cruise_speed_m_s: velocity along the nose without an airspeed; 0 except on a fixed wing.
-        kernel: the kernel's gains and limits.
-    """
-
-    name: str
-    rate_hz: float
-    vehicle_class: str
-    cruise_speed_m_s: float
-    kernel: Gains
+    name: str  # of the gain file
+    rate_hz: float  # nominal sample rate
+    vehicle_class: str  # one of `VEHICLE_CLASSES`
+    cruise_speed_m_s: float  # velocity along the nose without an airspeed; 0 except on a fixed wing
+    kernel: Gains  # the kernel's gains and limits
 
 
 class GainSets(NamedTuple):
-    """The synthesized gains, weakest set first.
+    """The synthesized gains, weakest set first."""
 
-    Attributes:
-        bounds: omega0^4 up to which a set is used, 1/s^4, one fewer than sets.
-        k_tilt: 1/s^2 per set.
-        k_velocity: 1/s per set.
-        fix_periods: s; the periods for which the gains at fixes are made.
-        k_fix_tilt: 1/s per period and set.
-        k_fix_velocity: per period and set.
-    """
-
-    bounds: tuple[float, ...]
-    k_tilt: tuple[float, ...]
-    k_velocity: tuple[float, ...]
-    fix_periods: tuple[float, ...]
-    k_fix_tilt: tuple[tuple[float, ...], ...]
-    k_fix_velocity: tuple[tuple[float, ...], ...]
+    bounds: tuple[float, ...]  # omega0^4 up to which a set is used, 1/s^4, one fewer than sets
+    k_tilt: tuple[float, ...]  # 1/s^2 per set
+    k_velocity: tuple[float, ...]  # 1/s per set
+    fix_periods: tuple[float, ...]  # s; the periods for which the gains at fixes are made
+    k_fix_tilt: tuple[tuple[float, ...], ...]  # 1/s per period and set
+    k_fix_velocity: tuple[tuple[float, ...], ...]  # per period and set
 
 
 def velocity_aided_gains(file: GainFile, place: str) -> VelocityAidedGains:

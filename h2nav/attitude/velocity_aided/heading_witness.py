@@ -28,15 +28,10 @@ JUMP_SIGMAS, JUMP_M_S2 = 7.0, 5.0
 
 
 class Heading(NamedTuple):
-    """The result of the regression.
+    """The result of the regression."""
 
-    Attributes:
-        turn_rad: from the filter's heading to the regression's.
-        sigma_rad: its deviation.
-    """
-
-    turn_rad: float
-    sigma_rad: float
+    turn_rad: float  # from the filter's heading to the regression's
+    sigma_rad: float  # its deviation
 
     @property
     def contradicts(self) -> bool:

@@ -79,17 +79,11 @@ TRUST = tuple(
 
 
 class HeadingState(NamedTuple):
-    """The state of a filter's heading.
+    """The state of a filter's heading."""
 
-    Attributes:
-        age_s: time since the tilt was found.
-        turned_rad: sum of all corrections of the heading so far.
-        variance: from the covariance, rad^2.
-    """
-
-    age_s: float
-    turned_rad: float
-    variance: float
+    age_s: float  # time since the tilt was found
+    turned_rad: float  # sum of all corrections of the heading so far
+    variance: float  # from the covariance, rad^2
 
 
 class VelocityAidedShell(ABC):

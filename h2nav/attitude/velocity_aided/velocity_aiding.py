@@ -27,38 +27,27 @@ PAST_LENGTH = 102
 
 
 class TimedFix(NamedTuple):
-    """A fix and the filter's integrals at its time.
+    """A fix and the filter's integrals at its time."""
 
-    Attributes:
-        v_n: velocity north and east, m/s.
-        gained: velocity gained until then, north and east, in the filter's unit.
-        rate: rate of the gain then, over `RATE_S`.
-        earlier: velocity gained until `LATENCIES_S` before then.
-        variance: of either part, (m/s)^2.
-        period_s: time since the previous fix.
-    """
-
-    v_n: tuple[float, float]
-    gained: tuple[float, float]
-    rate: tuple[float, float]
-    earlier: tuple[tuple[float, float], ...]
-    variance: float
-    period_s: float
+    v_n: tuple[float, float]  # velocity north and east, m/s
+    gained: tuple[float, float]  # velocity gained until then, north and east, in the filter's unit
+    rate: tuple[float, float]  # rate of the gain then, over `RATE_S`
+    earlier: tuple[tuple[float, float], ...]  # velocity gained until `LATENCIES_S` before then
+    variance: float  # of either part, (m/s)^2
+    period_s: float  # time since the previous fix
 
 
 class VelocityAiding:
     """Stores fixes and a filter's past, so that each fix is used at its own time.
 
     "Gained" is the velocity that the filter has integrated since aiding began, in its own unit.
-
-    Attributes:
-        aided_until_us: good fixes have been frequent enough for samples before this time.
     """
 
     def __init__(self) -> None:
         self._fixes = 0
         self._fix_us = 0.0
         self._period_s = 0.0
+        # good fixes have been frequent enough for samples before this time
         self.aided_until_us = -math.inf
         self._waiting: VelocityFix | None = None
         # (time, velocity gained north, east)

@@ -28,15 +28,10 @@ LEAST_GAIN = 2.0**-22
 
 
 class IntegerGains(NamedTuple):
-    """The kernel's gains and their rounding error.
+    """The kernel's gains and their rounding error."""
 
-    Attributes:
-        gains: of the kernel.
-        rounding_error: largest relative change of a gain.
-    """
-
-    gains: Gains
-    rounding_error: float
+    gains: Gains  # of the kernel
+    rounding_error: float  # largest relative change of a gain
 
 
 def packed(value: float) -> int:
