@@ -375,8 +375,9 @@ class Monitor:
             tilts.append(math.hypot(*self._change_n[:2]) / (GRAVITY_M_S2 * LONG_S))
         if ratios.of_turn > OPEN_RATIO:
             turn = field.turn(10)[0]
-            tilts.append(turn)
             headings.append(turn)
+            if not field.turned_level(10):
+                tilts.append(turn)
         if self._field_matters:
             headings.append(field.worst_heading_rad)
         elif field.is_plausible and ratios.field_1s > OPEN_RATIO:

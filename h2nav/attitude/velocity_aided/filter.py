@@ -340,7 +340,8 @@ class VelocityAidedFilter(VelocityAidedShell):
         return memory.RESTARTED
 
     def _standing(self, t_us: int, bits: int) -> AttitudeEstimate:
-        return self._estimate(t_us, estimate(self._state, self._workspace, self._sample, bits))
+        records = (self._state, self._workspace, self._g, self._sample)
+        return self._estimate(t_us, estimate(*records, bits))
 
     def _estimate(self, t_us: int, bits: int) -> AttitudeEstimate:
         q_w, q_x, q_y, q_z, bias_x, bias_y, bias_z, to_n, to_e, to_d = self._read_held()

@@ -1,4 +1,4 @@
-"""The tilt's predicted deviation is matched to the innovations of measured velocities, Eq. (63)."""
+"""The tilt's predicted deviation is matched to the innovations of velocities, Eq. (63), (64)."""
 
 import math
 
@@ -17,6 +17,9 @@ from velocity_flights import (
 
 from h2nav.attitude.samples import SensorDoubt
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.kernel.estimate import accel_variance
+
+ZERO = (0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +54,21 @@ def test_the_deviation_is_lower_where_innovations_are_smaller_than_predicted(dri
     assert sound.kernel_state.unused_variance > 0.5
     assert swings.kernel_state.unused_variance < 0.5 * sound.kernel_state.unused_variance
     assert low[-1] < 0.8 * high[-1]
+
+
+def test_what_turns_have_shown_of_the_force_counts_by_the_innovations(drive: Drive) -> None:
+    filter_, _ = flown(drive)
+    state, gains = filter_.kernel_state, filter_.kernel_gains
+    predicted = accel_variance(state, gains, 0.0)
+    assert 0.0 < accel_variance(state, gains, 0.8) < 0.25 * predicted
+
+
+def test_without_turns_the_accelerometers_bias_stays_in_the_deviation() -> None:
+    straight = accelerating(90.0, 5, force=lambda _: ZERO, law=lambda _: ZERO)
+    filter_, sigma = flown(straight)
+    assert filter_.kernel_state.unused_variance > 0.5
+    before = math.sqrt(2.0 * filter_.kernel_gains.accel_variance)
+    assert min(sigma) > 0.8 * before
 
 
 @pytest.mark.parametrize("what", ["doubt", "jump"])

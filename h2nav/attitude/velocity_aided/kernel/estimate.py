@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import CONVERGED, VELOCITY_USED, YAW_REFERENCED, Sample, State, Workspace
+from ..memory import CONVERGED, VELOCITY_USED, YAW_REFERENCED, Gains, Sample, State, Workspace
 
 CONVERGED_S = 10.0  # of running: the start-up transient is over
 REFERENCED_RAD = 15.0 * (math.pi / 180.0)  # predicted deviation of a heading tied to north
@@ -21,14 +21,14 @@ UNCONFIRMED = 0.05
 FIELD_OFFSET = 0.01  # of the field: the error of its models
 
 
-def estimate(s: State, w: Workspace, sample: Sample, bits: int) -> int:
+def estimate(s: State, w: Workspace, g: Gains, sample: Sample, bits: int) -> int:
     """Writes the rate without bias and the predicted deviations; returns the bits, completed.
 
     Source: docs/filter.md Eq. (11), (27), (30), (48).
     """
     for i in range(3):
         w.rate[i] = sample.gyro[i] - s.gyro_bias[i]
-    w.sigma_tilt = tilt_deviation(s)
+    w.sigma_tilt = tilt_deviation(s, g)
     known = 0.0
     if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD and s.heading_unknown == 0.0:
         known = 1.0
@@ -45,8 +45,11 @@ def estimate(s: State, w: Workspace, sample: Sample, bits: int) -> int:
     return bits
 
 
-def tilt_deviation(s: State) -> float:
-    """Deviation of the tilt, rad: of the gain set, by the bias, and beyond both."""
+def tilt_deviation(s: State, g: Gains) -> float:
+    """Deviation of the tilt, rad: of the gain set, by the biases, and beyond these.
+
+    Source: docs/filter.md Eq. (27), (63), (64).
+    """
     variance = (
         s.p_xx * (s.dtilt_n[0] * s.dtilt_n[0] + s.dtilt_e[0] * s.dtilt_e[0])
         + s.p_yy * (s.dtilt_n[1] * s.dtilt_n[1] + s.dtilt_e[1] * s.dtilt_e[1])
@@ -59,16 +62,33 @@ def tilt_deviation(s: State) -> float:
         if unused > MOST_UNUSED:
             unused = MOST_UNUSED
         gain_set = (1.0 - unused) * gain_set / (s.fix_period_s * s.fix_period_s)
-        # No innovation shows the accelerometer's bias while the vehicle does not turn.
-        variance = (
-            (1.0 - unused) * variance
-            + of_accel(s, s.dtilt_accel_n[0], s.dtilt_accel_n[1])
-            + of_accel(s, s.dtilt_accel_e[0], s.dtilt_accel_e[1])
-        )
+        variance = (1.0 - unused) * variance + accel_variance(s, g, unused)
     variance = gain_set + variance
     if variance < 0.0:
         variance = 0.0
     return TILT_SHARE * math.sqrt(variance + s.extra_tilt_sigma * s.extra_tilt_sigma)
+
+
+def accel_variance(s: State, g: Gains, unused: float) -> float:
+    """Variance of the tilt by the accelerometer's bias, rad^2.
+
+    Args:
+        s: state.
+        g: gains.
+        unused: share of their predicted variance that the innovations do not show.
+
+    Source: docs/filter.md Eq. (64).
+    """
+    if s.p_accel[0] == 0.0:
+        return 0.0
+    # Turns have shown the bias as accurately as the innovations, which are smaller than predicted;
+    # what was known before the turns is as it was.
+    before = 0.5 * (s.p_accel[0] + s.p_accel[2]) / g.accel_variance
+    if before > 1.0:
+        before = 1.0
+    known = before + (1.0 - before) / (1.0 - unused)
+    north = of_accel(s, s.dtilt_accel_n[0], s.dtilt_accel_n[1])
+    return (north + of_accel(s, s.dtilt_accel_e[0], s.dtilt_accel_e[1])) / known
 
 
 def of_accel(s: State, x: float, y: float) -> float:

@@ -44,5 +44,5 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         bits = bits | use_rest(s, w, g, sample) | check_level(s, w, g, sample)
     bits = bits | limit(s, g)
     if sample.asked > 0.0:
-        bits = estimate(s, w, sample, bits)
+        bits = estimate(s, w, g, sample, bits)
     return bits
