@@ -2,6 +2,7 @@
 
 import pytest
 
+from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.reviews.collecting import Collector, most_trusted
 from h2nav.service.records import LaneRecord
 
@@ -23,3 +24,15 @@ def test_the_imu_that_was_sent_longest_is_trusted():
     assert [span.from_s for span in collector.lanes()] == [10.0, 20.0, 50.0]
     assert most_trusted((), collector.sent_s()) == 1  # from 0
     assert most_trusted((), Collector().sent_s()) == 0
+
+
+def test_estimates_have_the_times_of_their_arrival():
+    collector = Collector()
+    assert collector.estimates() is None
+    collector.arrives(BOOT_NS)
+    q_nb, bias_b = (0.8, 0.0, 0.6, 0.0), (0.01, 0.02, 0.03)
+    estimate = AttitudeEstimate(0, q_nb, bias_b, bias_b, bias_b, 0.1, Trust(0), 0.2)
+    collector.estimate(BOOT_NS + 3 * S_NS, estimate, 0)
+    found = collector.estimates()
+    assert (found.t_s[0], found.sigma_tilt_rad[0], found.sigma_heading_rad[0]) == (3.0, 0.1, 0.2)
+    assert (tuple(found.q_nb[0]), tuple(found.bias_b[0])) == (q_nb, bias_b)

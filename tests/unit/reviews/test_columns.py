@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from h2nav.recordings.context import Context, Series
 from h2nav.reviews.pictures.columns import Columns
+from h2nav.reviews.pictures.vehicle import height_lines
 
 
 def test_a_single_extreme_sample_among_millions_stays_seen():
@@ -61,3 +63,14 @@ def test_a_direction_that_goes_round_makes_no_line_across():
 
 def test_an_empty_recording_has_an_axis_of_time():
     assert np.isfinite(Columns(0.0, 10).t_s).all()
+
+
+def test_a_barometers_height_begins_with_the_estimate_where_there_is_one():
+    t_s = np.arange(0.0, 10.0, 0.1)
+    baro, height = Series(t_s, np.full(100, 480.0)), Series(t_s, np.full(100, 3.0))
+    columns = Columns(10.0, 10)
+    (alone,) = height_lines(Context(duration_s=10.0, baro_height_m=baro), columns).traces
+    assert (alone.label, np.nanmedian(alone.values)) == ("barometer", 480.0)
+    both = Context(duration_s=10.0, baro_height_m=baro, height_m=height)
+    medians = {one.label: np.nanmedian(one.values) for one in height_lines(both, columns).traces}
+    assert medians == {"height": 3.0, "barometer": 3.0}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reviewed_flights import estimates, flight, ideal
+from reviewed_flights import GPS_HZ, estimates, flight, ideal
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
@@ -61,6 +61,19 @@ def test_an_attitude_that_is_off_for_long_is_told_with_the_velocitys_verdict():
     assert finding.kind == "autopilot_heading"
     assert finding.size == pytest.approx(30.0, abs=1.5)
     assert "fits ours better" in finding.evidence
+
+
+@pytest.mark.parametrize("fixes", [0, 3])
+def test_without_velocities_it_stays_open_whose_attitude_is_off(fixes):
+    t_s = times("aggressive")
+    error = np.zeros((len(t_s), 3))
+    error[:, 2] = 30.0 * DEG * np.clip((t_s - 40.0) / 20.0, 0.0, 1.0)
+    flown = with_attitude("aggressive", error)
+    (gps,) = flown.context.gps
+    is_fix = (gps.t_s >= 80.0) & (gps.t_s < 80.0 + fixes / GPS_HZ)
+    context = flown.context._replace(gps=(gps._replace(has_fix=is_fix),) if fixes else ())
+    found = {f.kind: f for f in analyse(flown._replace(context=context)).findings}
+    assert "no velocity shows who is right" in found["autopilot_heading"].evidence
 
 
 def test_what_the_witness_told_in_flight_is_not_told_again():

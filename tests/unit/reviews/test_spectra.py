@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reviewed_flights import flight, with_imu
+from reviewed_flights import DURATION_S, flight, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Burst
@@ -116,6 +116,8 @@ def test_pictures_are_bounded():
     for spectrum in analysis.spectra:
         assert len(spectrum.frequency_hz) <= 256
         assert len(spectrum.t_s) <= 300
+        assert (np.diff(spectrum.t_s) > 0.0).all()
+        assert 0.0 <= spectrum.t_s[0] < spectrum.t_s[-1] <= DURATION_S
         assert spectrum.levels.shape == (len(spectrum.t_s), len(spectrum.frequency_hz))
         assert spectrum.density.shape == (len(spectrum.frequency_hz), 3)
     assert all(len(v.t_s) <= 2000 for v in analysis.vibrations)

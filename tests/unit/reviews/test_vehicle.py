@@ -277,7 +277,9 @@ def test_the_battery_is_told_by_number_by_text_and_by_its_voltage():
     unknown = np.full(len(T_S), np.nan)
     battery = Battery(0, T_S, volts, unknown, unknown)
     low = multirotor(batteries=(battery,), parameters={"BATT_LOW_VOLT": 10.5})
-    assert kinds(low)[Kind.BATTERY].from_s == pytest.approx(80.0, abs=0.1)
+    finding = kinds(low)[Kind.BATTERY]
+    assert finding.from_s == pytest.approx(80.0, abs=0.1)
+    assert "lowest voltage 10.0 V" in finding.evidence
     assert Kind.BATTERY not in kinds(multirotor(batteries=(battery,)))
 
 
@@ -330,6 +332,19 @@ def test_a_crash_on_take_off_is_called_so(left_s, is_then):
     airborne = Series(np.array([0.0, left_s]), np.array([0.0, 1.0]))
     text = said_of(tipped(multirotor(airborne=airborne), 60.0))
     assert text.startswith("Crashed on take-off at 60 s") == is_then
+
+
+def test_a_vehicle_that_turns_far_from_its_demand_and_flies_on_had_lost_control():
+    flown = multirotor()
+    demand, first = flown.context.demand, flown.context.imus[0]
+    asked, w_b = demand.values.copy(), first.w_b.copy()
+    asked[(T_S > 60.0) & (T_S < 63.0), 0] += 60.0 * DEG
+    context = flown.context._replace(demand=demand._replace(values=asked))
+    # Without a turn it is the attitude that is wrong, or the demand.
+    assert Kind.LOSS_OF_CONTROL not in kinds(flown._replace(context=context))
+    w_b[(T_S > 60.0) & (T_S < 60.3), 0] += 3.0
+    finding = kinds(with_imu(flown._replace(context=context), w_b=w_b))[Kind.LOSS_OF_CONTROL]
+    assert finding.from_s == pytest.approx(60.0, abs=0.2)
 
 
 def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
