@@ -150,7 +150,7 @@ def score(trial: Trial, run: Run, idea: Idea) -> Rms:
     if idea.change is not None:
         idea.change(gains.kernel)
     if idea.told is not None:
-        trial = trial._replace(told=tuple(map(idea.told, trial.told)))
+        trial = trial._replace(inputs=tuple(map(idea.told, trial.inputs)))
     with contextlib.ExitStack() as stack:
         if idea.silent is not None:
             stack.enter_context(mock.patch.object(*idea.silent, return_value=None))

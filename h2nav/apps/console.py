@@ -170,10 +170,10 @@ def _status(sight: Sight) -> dict[str, Any]:
 def _compared(status: StatusRecord) -> dict[str, Any]:
     """The part of an event besides health: the other attitude and the alarms."""
     theirs = autopilot_attitude(status)
-    told = {"source": status.autopilot_source, "age_ms": status.autopilot_age_ms}
+    origin = {"source": status.autopilot_source, "age_ms": status.autopilot_age_ms}
     return {
         "age_ms": status.age_ms,
-        "autopilot_attitude": None if theirs is None else {**told, **_angles(theirs)},
+        "autopilot_attitude": None if theirs is None else {**origin, **_angles(theirs)},
         "autopilot_sigma_tilt_deg": status.sigma_tilt_deg,
         "autopilot_sigma_heading_deg": status.sigma_heading_deg,
         "velocity_ratio": status.velocity_ratio,

@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     wished = playback.wishes(args)
     work = Work(
         functools.partial(review_flight, wished=wished),
-        f"{program_digest()} {_told(wished)}",
+        f"{program_digest()} {_description(wished)}",
         Limits(args.longest_s, args.memory_mb),
     )
     store = Store(args.output)
@@ -144,7 +144,7 @@ def _check(args: argparse.Namespace, workers: int) -> None:
         raise BadInput("--memory-mb and --longest-s: expected more than 0")
 
 
-def _told(wished: playback.Wishes) -> str:
+def _description(wished: playback.Wishes) -> str:
     """What the user wants, for the key of the results; a configuration by its content."""
     config = "" if wished.config is None else Path(wished.config).read_text(errors="replace")
     return repr((config, wished.filter_name, wished.vehicle_class))

@@ -108,7 +108,7 @@ class LinkSigning:
             key, stamp, settings.unsigned_ids(), own_streams=self.signer.streams
         )
         self._counts: Counter[str] = Counter()
-        self._told_ns: dict[Denial, int] = {}
+        self._reported_ns: dict[Denial, int] = {}
         self._window_ns = 0
         self._window_frames = 0
 
@@ -173,10 +173,10 @@ class LinkSigning:
     def _refuse(self, t_ns: int, frame: Frame, refusal: Denial) -> list[Notice]:
         """Counts a frame; reports its cause at most once a minute."""
         self._counts[refusal] += 1
-        told_ns = self._told_ns.get(refusal)
-        if told_ns is not None and t_ns - told_ns < TELL_AGAIN_NS:
+        reported_ns = self._reported_ns.get(refusal)
+        if reported_ns is not None and t_ns - reported_ns < TELL_AGAIN_NS:
             return []
-        self._told_ns[refusal] = t_ns
+        self._reported_ns[refusal] = t_ns
         return [self._notice(frame, refusal)]
 
     def _notice(self, frame: Frame, refusal: Denial) -> Notice:

@@ -84,17 +84,17 @@ def run(args: argparse.Namespace) -> int:
 def _csv(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
     from h2nav.log.csv_export import export_csv
 
-    return _told(export_csv(args.log, args.output, args.topic, progress))
+    return _summary(export_csv(args.log, args.output, args.topic, progress))
 
 
 def _parquet(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
     extras.require("fleet", "h2nav log export --to parquet", "pyarrow.parquet")
     from h2nav.recordings.log_parquet import export_parquet
 
-    return _told(export_parquet(args.log, args.output, args.topic, progress))
+    return _summary(export_parquet(args.log, args.output, args.topic, progress))
 
 
-def _told(result: "ExportResult") -> tuple[dict[str, Any], list[str]]:
+def _summary(result: "ExportResult") -> tuple[dict[str, Any], list[str]]:
     for topic, reason in result.skipped.items():
         print(f"h2nav: {topic}: {reason}", file=sys.stderr)
     document = {

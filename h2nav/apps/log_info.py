@@ -123,5 +123,5 @@ def _finding(finding: dict[str, Any]) -> str:
     span = f"from {finding['from_s']:.1f} s on"
     if finding["ended"] and isinstance(finding.get("to_s"), int | float):
         span = f"{finding['from_s']:.1f} to {finding['to_s']:.1f} s"
-    told = f"{finding.get('source')}: {finding.get('text')} ({finding.get('evidence')})"
-    return f"finding: {finding['severity']}, {span} of the run: {told}"
+    text = f"{finding.get('source')}: {finding.get('text')} ({finding.get('evidence')})"
+    return f"finding: {finding['severity']}, {span} of the run: {text}"

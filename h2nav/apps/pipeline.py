@@ -316,9 +316,9 @@ class Pipeline:
         self._log(t_ns, "/deframer", self.deframer.counters)
         if self._recorder is not None:
             self._log(t_ns, "/recorder", self._recorder.statistics())
-        self.tell_of_recorder(t_ns)
+        self.report_recorder(t_ns)
 
-    def tell_of_recorder(self, t_ns: int) -> None:
+    def report_recorder(self, t_ns: int) -> None:
         """Reports what has happened to the log since the last call."""
         for notice in self._recorder.notices() if self._recorder is not None else ():
             self.note(t_ns, Notice(*notice))

@@ -145,7 +145,7 @@ class Session:
             self._signing.close()
         if self.recorder is not None:
             self.recorder.close(CLOSE_WITHIN_S)
-            self._pipeline.tell_of_recorder(time.monotonic_ns())
+            self._pipeline.report_recorder(time.monotonic_ns())
         log = None if self.recorder is None else self.recorder.path
         self._console.closing(time.monotonic_ns(), self.service.health, log)
         if self._events is not None:

@@ -79,7 +79,7 @@ class AttitudeFilter(Protocol):
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
 
 
-def tell(
+def pass_on(
     chosen: AttitudeFilter, what: VehicleState | EarthField | SensorDelays | VelocityFix
 ) -> None:
     """Passes a filter one record other than a sample."""

@@ -15,7 +15,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from h2nav.attitude.filter import AttitudeFilter, tell
+from h2nav.attitude.filter import AttitudeFilter, pass_on
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -56,11 +56,11 @@ class Given(NamedTuple):
 
     Attributes:
         samples: in order.
-        told: in order, with the number of the sample that each record precedes.
+        inputs: in order, with the number of the sample that each record precedes.
     """
 
     samples: Sequence[ImuSample]
-    told: Sequence[tuple[int, Record]]
+    inputs: Sequence[tuple[int, Record]]
 
 
 @runtime_checkable
@@ -295,8 +295,8 @@ def _led(
 
 def _pieces(given: Given) -> Iterator[_Piece]:
     """A stretch, cut at its gaps; conditions from before a gap hold after it."""
-    samples, told = given.samples, iter(given.told)
-    following = next(told, None)
+    samples, inputs = given.samples, iter(given.inputs)
+    following = next(inputs, None)
     vehicle, field, delays = VehicleState(), None, None
     piece = _Piece([], [], [], [], [])
     for row, sample in enumerate(samples):
@@ -313,7 +313,7 @@ def _pieces(given: Given) -> Iterator[_Piece]:
                 delays = what
             else:
                 vehicle = what
-            following = next(told, None)
+            following = next(inputs, None)
         piece.samples.append(sample)
         piece.vehicles.append(vehicle)
         piece.fields.append(field)
@@ -334,13 +334,13 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> Iterator[AttitudeEstimate | N
     for row, (sample, now, known, late) in each:
         if now is not vehicle and now != vehicle:
             vehicle = now
-            tell(chosen, vehicle)
+            pass_on(chosen, vehicle)
         if known is not None and known is not field and known != field:
             field = known
-            tell(chosen, field)
+            pass_on(chosen, field)
         if late is not None and late is not delays and late != delays:
             delays = late
-            tell(chosen, delays)
+            pass_on(chosen, delays)
         while coming is not None and coming[0] <= row:
             chosen.use_velocity(coming[1])
             coming = next(fixes, None)

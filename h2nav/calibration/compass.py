@@ -185,8 +185,12 @@ def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
     left = _left(fit, norm)
     figures = _figures(rows, original, before, fit)
     shown = SHOWN_BY.format(**figures)
-    told = Outcome(subject.name, notes=tuple(notes), shown=shown, figures=figures)
-    return told._replace(left=(left,), notes=()) if left else _told(subject, model, fit, told)
+    outcome = Outcome(subject.name, notes=tuple(notes), shown=shown, figures=figures)
+    return (
+        outcome._replace(left=(left,), notes=())
+        if left
+        else _with_changes(subject, model, fit, outcome)
+    )
 
 
 def _fitted(subject: Subject, model: Model) -> FieldFit:
@@ -387,20 +391,20 @@ def _heading_rms(rows: FieldRows, fit: FieldFit, used: Mask) -> float:
     return math.sqrt(float(np.mean(error**2))) if len(error) else math.nan
 
 
-def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outcome:
+def _with_changes(subject: Subject, model: Model, fit: FieldFit, outcome: Outcome) -> Outcome:
     """The significant improvements, as parameters.
 
     Args:
-        told: known so far: figures, and a rotation.
+        outcome: known so far: figures, and a rotation.
     """
     old = subject.settings
     change = fit.correction.values - old.correction.values
     size = float(np.linalg.norm(change[OFFSET]))
     covariance = _with_shape(subject, model, fit)
-    is_better = size > RELEVANT * told.figures["field_mg"] / MG_PER_UT
+    is_better = size > RELEVANT * outcome.figures["field_mg"] / MG_PER_UT
     is_better &= _is_sure(change, covariance, OFFSET)
-    if model == Model() and not told.notes and not is_better:
-        return told._replace(left=(f"no change: {size * MG_PER_UT:.0f} mG are insignificant",))
+    if model == Model() and not outcome.notes and not is_better:
+        return outcome._replace(left=(f"no change: {size * MG_PER_UT:.0f} mG are insignificant",))
     if not subject.parameters:
         x, y, z = change[OFFSET] * MG_PER_UT
         a, b, c = np.sqrt(np.diag(covariance))[OFFSET] * MG_PER_UT
@@ -409,9 +413,9 @@ def _told(subject: Subject, model: Model, fit: FieldFit, told: Outcome) -> Outco
             "the parameters in use are not in the recording (--parameters)"
         )
         added = {"add_x_mg": float(x), "add_y_mg": float(y), "add_z_mg": float(z)}
-        return told._replace(notes=(*told.notes, note), figures={**told.figures, **added})
+        return outcome._replace(notes=(*outcome.notes, note), figures={**outcome.figures, **added})
     new = old._replace(correction=fit.correction, lever=model.lever or old.lever)
-    return told._replace(changes=_changes(subject, new, covariance))
+    return outcome._replace(changes=_changes(subject, new, covariance))
 
 
 def _with_shape(subject: Subject, model: Model, fit: FieldFit) -> Array:

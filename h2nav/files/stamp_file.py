@@ -107,7 +107,7 @@ class StampKeeper:
         try:
             stored = self._file.load()
         except (OSError, ValueError) as error:
-            self._tell(
+            self._report(
                 True, f"cannot be read: {error}; it starts from the host's clock, right or wrong"
             )
             return 0
@@ -129,14 +129,14 @@ class StampKeeper:
         except OSError as error:
             trouble = str(error)
         if trouble and trouble != self._trouble:
-            self._tell(
+            self._report(
                 True, f"cannot be stored: {trouble}; signing goes on, make its folder writable"
             )
         elif self._trouble and not trouble:
-            self._tell(False, "is stored again")
+            self._report(False, "is stored again")
         self._trouble = trouble
 
-    def _tell(self, is_error: bool, text: str) -> None:
+    def _report(self, is_error: bool, text: str) -> None:
         self._notices.append(
             StampNotice(is_error, f"{self._file.path}: the signing time stamp {text}")
         )

@@ -17,7 +17,7 @@ from h2nav.reviews.html import escape, frame
 INDEX = "index.html"
 # The limit of what browsers handle well; the tables hold all.
 MOST_LISTED = 10_000
-_MOST_TOLD = 4
+_MOST_SHOWN = 4
 
 
 class _Cell(NamedTuple):
@@ -107,7 +107,7 @@ def _row(row: TableRow, above: int) -> str:
         _Cell(escape(_verdict(values)), float(_rank(row)[0])),
         _Cell(title, look="path"),
         _crash(values["crash_s"]),
-        _Cell(_told(row), look="told"),
+        _Cell(_findings_cell(row), look="told"),
         _date(values["start"]),
         _number(values["duration_s"], 1 / 60.0, 1),
         _Cell(escape(values["vehicle"] or "")),
@@ -122,18 +122,18 @@ def _row(row: TableRow, above: int) -> str:
     return f'<tr class="{look}">' + "".join(map(_cell, cells)) + "</tr>"
 
 
-def _told(row: TableRow) -> str:
+def _findings_cell(row: TableRow) -> str:
     """The verdict with the findings below it; or why there is no review."""
     values, findings = row.values, row.findings
     if values["error"]:
         return escape(values["error"])
-    told = [escape(text) for text in findings[:_MOST_TOLD]]
-    if len(findings) > _MOST_TOLD:
-        told.append(f"and {len(findings) - _MOST_TOLD} more")
+    lines = [escape(text) for text in findings[:_MOST_SHOWN]]
+    if len(findings) > _MOST_SHOWN:
+        lines.append(f"and {len(findings) - _MOST_SHOWN} more")
     first = escape(values["verdict"] or values["no_estimate"] or "")
-    if not told:
+    if not lines:
         return first
-    return f"{first}<details><summary>findings</summary>{'<br>'.join(told)}</details>"
+    return f"{first}<details><summary>findings</summary>{'<br>'.join(lines)}</details>"
 
 
 def _cell(cell: _Cell) -> str:

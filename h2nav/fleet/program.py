@@ -20,10 +20,10 @@ def program_digest() -> str:
 def digest_of(package: Path, gains: Mapping[str, Path]) -> str:
     """Digest of a package's code and of gain files by name, independent of their location."""
     code = {str(p.relative_to(package)): p for p in package.rglob("*") if p.suffix in _SUFFIXES}
-    told = hashlib.sha256()
+    digest = hashlib.sha256()
     for files in (code, gains):
         for name, path in sorted(files.items()):
             content = path.read_bytes()
-            told.update(f"{name}\0{len(content)}\0".encode())
-            told.update(content)
-    return told.hexdigest()[:32]
+            digest.update(f"{name}\0{len(content)}\0".encode())
+            digest.update(content)
+    return digest.hexdigest()[:32]

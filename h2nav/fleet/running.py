@@ -29,7 +29,7 @@ _CONNECT_S = 10.0
 # Memory of a worker's process beyond the limit of a flight, before its nanny kills it.
 _NANNY_SHARE = 1.1
 
-Told = Callable[[Task, Mapping[str, Any]], object]
+OnFinished = Callable[[Task, Mapping[str, Any]], object]
 
 
 class Work(NamedTuple):
@@ -98,14 +98,18 @@ def cluster(scheduler: str | None, workers: int, memory_mib: int) -> Iterator[Cl
 
 
 def run_fleet(
-    client: Client, sources: Sequence[FlightSource], work: Work, store: Store, told: Told
+    client: Client,
+    sources: Sequence[FlightSource],
+    work: Work,
+    store: Store,
+    on_finished: OnFinished,
 ) -> TaskOutcome:
     """Reviews every flight without a result, and writes tables and index of all flights.
 
     Args:
         sources: in the order of their addresses.
         store: receives the results; the workers must be able to write to it.
-        told: called with each finished flight, earlier ones first.
+        on_finished: called with each finished flight, earlier ones first.
 
     Raises:
         BadInput: the workers' results do not arrive in `store`.
@@ -117,7 +121,7 @@ def run_fleet(
     waiting = [task for task in tasks if f"{task.key}.json" not in there]
     for task in tasks:
         if f"{task.key}.json" in there:
-            told(task, {})
+            on_finished(task, {})
     passing: dict[str, Mapping[str, Any]] = {}
     costs: list[dict[str, float]] = []
     for task, result in _results(client, waiting, work, store):
@@ -127,7 +131,7 @@ def run_fleet(
             _require_shared(store, task)
         if "cost" in result:
             costs.append(result["cost"])
-        told(task, result)
+        on_finished(task, result)
     with tempfile.TemporaryDirectory(prefix="h2nav-fleet-") as name:
         rows = write_tables(_in_order(tasks, passing, store), Path(name), store)
     write_index(rows, store)

@@ -38,8 +38,8 @@ class FlightSource(NamedTuple):
 
     def key(self, *work: str) -> str:
         """Hexadecimal key, unique to this recording and this work on it."""
-        told = "\0".join((self.address, str(self.size), self.stamp, *work))
-        return hashlib.sha256(told.encode(errors="surrogateescape")).hexdigest()[:32]
+        text = "\0".join((self.address, str(self.size), self.stamp, *work))
+        return hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest()[:32]
 
 
 def find(addresses: Iterable[str]) -> list[FlightSource]:

@@ -96,8 +96,8 @@ def write_tables(
             flights.add(values)
             for each in found:
                 findings.add(each)
-            told = sorted(found, key=lambda each: severity_rank(each["severity"]))
-            rows.append(TableRow(values, tuple(f"{each['part']}: {each['text']}" for each in told)))
+            rest = sorted(found, key=lambda each: severity_rank(each["severity"]))
+            rows.append(TableRow(values, tuple(f"{each['part']}: {each['text']}" for each in rest)))
         flights.finish()
         findings.finish()
     for name in (FLIGHTS, FINDINGS):

@@ -67,7 +67,7 @@ class Alarm(NamedTuple):
     part: str = ""  # of the sensor, such as ``gyro z``; empty for the whole
 
     @property
-    def told(self) -> str:
+    def notice(self) -> str:
         """The text, with the number of the IMU if there is one."""
         is_numbered = self.sensor.kind is SensorKind.IMU and self.sensor.number is not None
         return f"{self.sensor.name}: {self.text}" if is_numbered else self.text
@@ -122,7 +122,7 @@ class _Entry:
         finding: its present state.
     """
 
-    __slots__ = ("_is_renewed", "_shown", "_told_s", "_told_size", "finding")
+    __slots__ = ("_is_renewed", "_reported_s", "_reported_size", "_shown", "finding")
 
     def __init__(self, t_s: float, alarm: Alarm, identity: str) -> None:
         kind, sensor, severity, size, unit, text, evidence, _, since_s, is_decided, _ = alarm
@@ -130,7 +130,7 @@ class _Entry:
             kind, sensor, severity, t_s - since_s, t_s, size, unit, text, evidence, identity, True
         )
         self._shown = is_decided, size  # of the present text and evidence
-        self._told_s, self._told_size, self._is_renewed = t_s, size, False
+        self._reported_s, self._reported_size, self._is_renewed = t_s, size, False
 
     def extend(self, t_s: float, alarm: Alarm) -> None:
         """Continues the finding, or reopens it."""
@@ -151,12 +151,12 @@ class _Entry:
 
     def is_due(self, t_s: float) -> bool:
         """Whether an open finding is to be reported again."""
-        has_grown = self._is_renewed or self.finding.size > GROWTH * self._told_size
-        return t_s - self._told_s >= (UPDATE_S if has_grown else REPEAT_S)
+        has_grown = self._is_renewed or self.finding.size > GROWTH * self._reported_size
+        return t_s - self._reported_s >= (UPDATE_S if has_grown else REPEAT_S)
 
-    def tell(self, t_s: float) -> Finding:
+    def report(self, t_s: float) -> Finding:
         """The finding as reported now."""
-        self._told_s, self._told_size, self._is_renewed = t_s, self.finding.size, False
+        self._reported_s, self._reported_size, self._is_renewed = t_s, self.finding.size, False
         return self.finding
 
 
@@ -202,7 +202,7 @@ class Findings:
             if place is not None and place >= count
         ]
         news = [
-            (phase, self._entries[place].tell(t_s))
+            (phase, self._entries[place].report(t_s))
             for place in sorted(before | self._open)
             if (phase := self._phase(t_s, place, before)) is not None
         ]

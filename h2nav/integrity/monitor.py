@@ -416,7 +416,7 @@ class Monitor:
                 found.append(make(test.since_s(t_us)))
         return (*found, *self._cause_alarms(t_us, {alarm.kind for alarm in found}))
 
-    def _cause_alarms(self, t_us: int, told: Collection[Kind]) -> list[Alarm]:
+    def _cause_alarms(self, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
         """The cause of a lasting contradiction; undecided once only."""
         if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
             return []
@@ -424,7 +424,7 @@ class Monitor:
         decided = self._decided
         shown = self._explained if decided is None else self._shown[decided]
         alarm = cause_alarm(shown, decided, self._imu, since_s)
-        return [] if alarm.kind in told else [alarm]
+        return [] if alarm.kind in reported else [alarm]
 
     def _velocity_alarm(self, since_s: float) -> Alarm:
         window = max(self._windows, key=lambda w: w.ratio, default=None)

@@ -240,8 +240,8 @@ class Preflight:
                     )
         if self._reported is not None:
             judged.add(Item.TILT)
-            told = rotate(conjugate(self._reported), (0.0, 0.0, 1.0))
-            angle = math.acos(min(max(_dot(told, down), -1.0), 1.0))
+            stated = rotate(conjugate(self._reported), (0.0, 0.0, 1.0))
+            angle = math.acos(min(max(_dot(stated, down), -1.0), 1.0))
             if angle > TILT_RAD:
                 limit = TILT_RAD / DEG
                 faults.append(GroundFault(Item.TILT, "autopilot", angle / DEG, "deg", limit))

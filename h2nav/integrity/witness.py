@@ -98,7 +98,7 @@ class _Disagreement:
         sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
         self._least_rad = max(BEYOND * sigma_rad, LEAST_RAD)
         self._lasting, self._beyond = _Spell(), _Spell()
-        self._is_told = False
+        self._is_reported = False
         self._alarm: Alarm | None = None
 
     def alarm(self, t_us: int) -> Alarm | None:
@@ -117,16 +117,16 @@ class _Disagreement:
         lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
         beyond_us = self._beyond.look(t_us, is_so=is_known and size_rad > limit_rad)
         if lasted_us is None:
-            self._is_told, self._alarm = False, None
+            self._is_reported, self._alarm = False, None
             return
         beyond_us = beyond_us or 0
         is_plain = size_rad > PLAIN * limit_rad and beyond_us >= LASTING_US
         is_proved = decided and lasted_us >= LASTING_US
-        self._is_told |= is_plain or is_proved or beyond_us >= UNDECIDED_US
-        if self._is_told:
-            self._alarm = self._told(math.degrees(size_rad), lasted_us * 1e-6, verdict)
+        self._is_reported |= is_plain or is_proved or beyond_us >= UNDECIDED_US
+        if self._is_reported:
+            self._alarm = self._alarm_of(math.degrees(size_rad), lasted_us * 1e-6, verdict)
 
-    def _told(self, size_deg: float, since_s: float, verdict: VelocityVerdict) -> Alarm:
+    def _alarm_of(self, size_deg: float, since_s: float, verdict: VelocityVerdict) -> Alarm:
         source, part = self._source, self._part
         size = f"{size_deg:.0f} deg"
         text, whom = {

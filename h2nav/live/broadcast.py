@@ -29,7 +29,7 @@ class Broadcast:
         self._condition = Condition()
         self._clock = PeriodicCallback(self._tick, PERIOD_MS)
         self._ticks = 0
-        self._told: tuple[object, ...] = ()
+        self._reported: tuple[object, ...] = ()
         self.viewers = 0
         self.events: dict[str, bytes] = {}
 
@@ -57,7 +57,7 @@ class Broadcast:
 
     def renew(self) -> None:
         """Encodes every event anew, for a new viewer."""
-        self._told = ()
+        self._reported = ()
         self._overview()
         self._attitudes()
 
@@ -74,10 +74,10 @@ class Broadcast:
         self.events["attitudes"] = _event("attitudes", messages.attitudes(self._state))
 
     def _overview(self) -> None:
-        told = (self._state.findings, self._state.texts)
-        if told != self._told:  # long, and rarely new
-            self._told = told
-            self.events["told"] = _event("told", messages.told(self._state))
+        reports = (self._state.findings, self._state.texts)
+        if reports != self._reported:  # long, and rarely new
+            self._reported = reports
+            self.events["told"] = _event("told", messages.reports(self._state))
         self.events["overview"] = _event("overview", messages.overview(self._state))
 
 

@@ -58,14 +58,14 @@ def overview(state: LiveState) -> dict[str, Any]:
     }
 
 
-def told(state: LiveState) -> dict[str, Any]:
+def reports(state: LiveState) -> dict[str, Any]:
     """Findings and lines of the program, newest first."""
     findings = [
         {
-            **finding_mapping(told.finding),
-            "age_s": state.age_s(told.began_ns),
+            **finding_mapping(reports.finding),
+            "age_s": state.age_s(reports.began_ns),
         }
-        for told in reversed(state.findings)
+        for reports in reversed(state.findings)
     ]
     lines = [
         {"level": line.severity.word, "text": line.text, "age_s": state.age_s(line.heard_ns)}
@@ -101,8 +101,8 @@ def _autopilots(state: LiveState, seen: Seen) -> dict[str, Any] | None:
         status.autopilot_q_y,
         status.autopilot_q_z,
     )
-    told_ns = seen.heard_ns - round(status.autopilot_age_ms * 1e6)
-    q_nb = state.track.carried(told_ns, q_nb) or q_nb
+    sent_ns = seen.heard_ns - round(status.autopilot_age_ms * 1e6)
+    q_nb = state.track.carried(sent_ns, q_nb) or q_nb
     roll_deg, pitch_deg, yaw_deg = map(math.degrees, quaternion.to_euler(q_nb))
     return {
         "source": status.autopilot_source,

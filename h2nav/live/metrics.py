@@ -131,7 +131,7 @@ class _Snapshot(Collector):
         yield _gauge("preflight_faults", "What is wrong before arming.", (), [((), wrong)])
         yield _gauge("alarms", "Things that are wrong at present.", (), [((), alarms)])
         findings = CounterMetricFamily("h2nav_findings", "Things that were found to be wrong.")
-        findings.add_metric([], self._state.findings_told)
+        findings.add_metric([], self._state.findings_begun)
         yield findings
         refused = CounterMetricFamily(
             "h2nav_refusals", "Samples and messages refused.", labels=["reason"]

@@ -75,7 +75,7 @@ class LiveState:
         clock: monotonic time, ns.
 
     Attributes:
-        findings_told: number of findings so far.
+        findings_begun: number of findings so far.
         track: attitudes of h2nav.
     """
 
@@ -87,7 +87,7 @@ class LiveState:
         self._trusted_ns: dict[Trust, int] = {}
         self._findings: deque[LiveReport] = deque(maxlen=MOST_FINDINGS)
         self._texts: deque[LiveText] = deque(maxlen=MOST_TEXTS)
-        self.findings_told = 0
+        self.findings_begun = 0
         self.track = LiveTrack()
 
     def take(self, topic: str, unix_ns: int, record: Record) -> None:
@@ -142,12 +142,12 @@ class LiveState:
         # The status also shows an end whose record was dropped on the way.
         goes_on = set(status.record.open_findings.split())
         return tuple(
-            told._replace(
-                finding=told.finding._replace(
-                    is_open=told.finding.is_open and told.finding.id in goes_on
+            entry._replace(
+                finding=entry.finding._replace(
+                    is_open=entry.finding.is_open and entry.finding.id in goes_on
                 )
             )
-            for told in self._findings
+            for entry in self._findings
         )
 
     @property
@@ -186,10 +186,10 @@ class LiveState:
             self._trusted_ns[flag] = now_ns
 
     def _take_finding(self, now_ns: int, finding: FindingRecord) -> None:
-        for place, told in enumerate(self._findings):
-            if told.finding.id == finding.id:
-                self._findings[place] = told._replace(finding=finding)
+        for place, entry in enumerate(self._findings):
+            if entry.finding.id == finding.id:
+                self._findings[place] = entry._replace(finding=finding)
                 return
         began_ns = now_ns - round((finding.to_s - finding.from_s) / NS)
         self._findings.append(LiveReport(began_ns, finding))
-        self.findings_told += 1
+        self.findings_begun += 1

@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import orjson
-from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from h2nav.errors import BadInput
 from h2nav.log.file import RAW_ENCODING
 from h2nav.log.foxglove_messages import flat_fields
 from h2nav.log.message_schema import field_units
-from h2nav.log.reader import Directory, LogScan, records_of
-from h2nav.log.records import StoredMessage, message
+from h2nav.log.reader import Directory, LogScan, stored_messages
+from h2nav.log.records import StoredMessage
 from h2nav.log.schema import time_from_object, unit_of
 from h2nav.log.survey import Progress, require_mcap
 from h2nav.wire.codec import decode
@@ -101,23 +100,17 @@ def export_tables(
         channels: dict[int, _ChannelRows | None] = {}
         seen: set[str] = set()
         scan = LogScan(stream)
-        for entry in scan.entries():
-            progress(scan.position, scan.size)
-            for opcode, body in records_of(entry):
-                if opcode != Opcode.MESSAGE:
-                    directory.note(opcode, body)
-                    continue
-                stored = message(body)
-                if stored.channel_id not in channels:
-                    channel = directory.channel(stored.channel_id)
-                    seen.add(channel.topic if channel else "")
-                    wanted = channel is not None and (not topics or channel.topic in topics)
-                    channels[stored.channel_id] = (
-                        _ChannelRows(channel, directory, tables) if channel and wanted else None
-                    )
-                rows = channels[stored.channel_id]
-                if rows is not None:
-                    rows.take(stored)
+        for stored in stored_messages(scan, directory, progress):
+            if stored.channel_id not in channels:
+                channel = directory.channel(stored.channel_id)
+                seen.add(channel.topic if channel else "")
+                wanted = channel is not None and (not topics or channel.topic in topics)
+                channels[stored.channel_id] = (
+                    _ChannelRows(channel, directory, tables) if channel and wanted else None
+                )
+            rows = channels[stored.channel_id]
+            if rows is not None:
+                rows.take(stored)
     require_topics(path, topics, seen)
     skipped = tables.finish()
     skipped |= {rows.topic: rows.problem for rows in channels.values() if rows and rows.problem}
@@ -238,11 +231,11 @@ _KINDS = {"number": "number", "integer": "integer", "boolean": "boolean", "strin
 
 
 def _schema_column(name: str, found: Any) -> Column:
-    told = found if isinstance(found, dict) else {}
-    members = told.get("properties")
+    declared = found if isinstance(found, dict) else {}
+    members = declared.get("properties")
     if isinstance(members, dict) and members.keys() == {"sec", "nsec"}:
         return Column(name, unit_of(name), "time")
-    json_type = told.get("type")
+    json_type = declared.get("type")
     kind = _KINDS.get(json_type, "anything") if isinstance(json_type, str) else "anything"
     return Column(name, unit_of(name), kind)
 

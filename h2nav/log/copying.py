@@ -105,18 +105,18 @@ class LogCopy:
     def _copy(self, entry: LogEntry) -> None:
         for opcode, body in records_of(entry):
             self._known.note(opcode, body)
-        if entry.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and self._is_told(entry):
+        if entry.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and self._is_known(entry):
             return
         used = dict.fromkeys(
             message(body).channel_id
             for opcode, body in records_of(entry)
             if opcode == Opcode.MESSAGE
         )
-        told = self._told_in(entry)
+        announced = self._announced_in(entry)
         unknown = {channel for channel in used if self._known.channel(channel) is None}
         for channel_id in used:
-            if channel_id not in unknown and channel_id not in told:
-                self._tell(channel_id)
+            if channel_id not in unknown and channel_id not in announced:
+                self._announce(channel_id)
         if unknown:
             kept = self._without(entry, unknown)
             if kept is None:
@@ -125,7 +125,7 @@ class LogCopy:
         indexes = self._summary.add(entry, self._position)
         self._write(HEAD.pack(entry.opcode, len(entry.body)) + entry.body + indexes)
 
-    def _told_in(self, entry: LogEntry) -> set[int]:
+    def _announced_in(self, entry: LogEntry) -> set[int]:
         """Channels defined in the output once the entry is copied."""
         inside = {
             struct.unpack_from("<H", body)[0]
@@ -134,12 +134,12 @@ class LogCopy:
         }
         return inside | self._summary.channels.keys()
 
-    def _is_told(self, entry: LogEntry) -> bool:
+    def _is_known(self, entry: LogEntry) -> bool:
         (number,) = struct.unpack_from("<H", entry.body)
-        told = self._summary.schemas if entry.opcode == Opcode.SCHEMA else self._summary.channels
-        return number in told
+        known = self._summary.schemas if entry.opcode == Opcode.SCHEMA else self._summary.channels
+        return number in known
 
-    def _tell(self, channel_id: int) -> None:
+    def _announce(self, channel_id: int) -> None:
         """Writes a channel, and its schema, known only from the source's summary."""
         channel = self._known.channel(channel_id)
         schema = self._known.schema(channel) if channel else None

@@ -11,7 +11,7 @@ from mcap.records import Channel, Chunk, Message, Schema
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.log.autopilot_channels import PREFIX, AutopilotDecoder
 from h2nav.log.copying import LogCopy, Recovery, restrict
-from h2nav.log.file import CHUNK_BYTES, RAW_ENCODING
+from h2nav.log.file import CHUNK_BYTES, RAW_ENCODING, new_file
 from h2nav.log.reader import Directory, LogEntry, LogScan, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import HEAD, message
@@ -46,22 +46,14 @@ def decode_log(
         OSError: the output could not be written; none is left.
     """
     require_mcap(path)
-    try:
-        stream = output.open("xb")
-    except FileExistsError:
-        raise BadInput(f"{output}: exists; name another output with -o") from None
     addition = _DecodedChunks(path)
-    try:
-        with stream, path.open("rb") as source:
-            restrict(stream)
-            scan = LogScan(source)
-            copy = LogCopy(path, stream, "h2nav log decode", addition)
-            copied = copy.run(scan, lambda: progress(scan.position, scan.size))
+    with new_file(output) as stream, path.open("rb") as source:
+        restrict(stream)
+        scan = LogScan(source)
+        copy = LogCopy(path, stream, "h2nav log decode", addition)
+        copied = copy.run(scan, lambda: progress(scan.position, scan.size))
         if not addition.counts:
             raise TaskFailed(f"{path}: no messages of an autopilot to decode")
-    except BaseException:
-        output.unlink(missing_ok=True)
-        raise
     return DecodeResult(dict(sorted(addition.counts.items())), copied)
 
 

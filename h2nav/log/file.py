@@ -2,7 +2,8 @@
 
 import fcntl
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from h2nav import __version__
 from h2nav.attitude.samples import Quat
+from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
 from h2nav.log.folder import ACTIVE_SUFFIX, LOG_MODE
 from h2nav.log.foxglove_messages import AttitudeMessages, log_message, protobuf_schemas
@@ -26,6 +28,27 @@ class Attachment(NamedTuple):
     name: str
     media_type: str
     data: bytes
+
+
+@contextmanager
+def new_file(path: Path, mode: str = "xb") -> Iterator[Any]:
+    """Opens a new file that the user has named; it is removed if the block raises.
+
+    Raises:
+        BadInput: it exists, or cannot be created.
+    """
+    try:
+        stream = path.open(mode)
+    except FileExistsError:
+        raise BadInput(f"{path}: exists; name another file with -o") from None
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; name another file with -o") from error
+    try:
+        with stream:
+            yield stream
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
 
 
 class LogFile:

@@ -225,14 +225,26 @@ def messages_of(
     """
     directory = Directory(path)
     with path.open("rb") as stream:
-        scan = LogScan(stream)
-        for entry in scan.entries():
-            progress(scan.position, scan.size)
-            for opcode, body in records_of(entry):
-                if opcode != Opcode.MESSAGE:
-                    directory.note(opcode, body)
-                    continue
-                stored = message(body)
-                channel = directory.channel(stored.channel_id)
-                if channel is not None:
-                    yield channel, stored
+        for stored in stored_messages(LogScan(stream), directory, progress):
+            channel = directory.channel(stored.channel_id)
+            if channel is not None:
+                yield channel, stored
+
+
+def stored_messages(
+    scan: LogScan, directory: Directory, progress: Callable[[int, int], None]
+) -> Iterator[StoredMessage]:
+    """Yields every message; the directory takes the other records.
+
+    Args:
+        scan: of the log.
+        directory: of the log.
+        progress: called with the bytes done and the total.
+    """
+    for entry in scan.entries():
+        progress(scan.position, scan.size)
+        for opcode, body in records_of(entry):
+            if opcode == Opcode.MESSAGE:
+                yield message(body)
+            else:
+                directory.note(opcode, body)

@@ -11,6 +11,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.log.copying import LogCopy, Recovery, restrict
+from h2nav.log.file import new_file
 from h2nav.log.folder import final_name
 from h2nav.log.reader import LogScan
 from h2nav.log.records import HEAD
@@ -113,22 +114,12 @@ def recover(source: Path, output: Path, pause: Callable[[], None] = _no_pause) -
         TaskFailed: nothing could be recovered; no output is left.
         OSError: the output could not be written; none is left.
     """
-    try:
-        stream = output.open("xb")
-    except FileExistsError:
-        raise BadInput(f"{output}: exists; name another output with -o") from None
-    except OSError as error:
-        raise BadInput(f"{output}: {error.strerror}; name another output with -o") from error
-    try:
-        with stream, source.open("rb") as damaged:
-            restrict(stream)
-            copy = LogCopy(source, stream, "h2nav log recover")
-            recovery = copy.run(LogScan(damaged), pause)
-            stream.flush()
-            os.fsync(stream.fileno())
+    with new_file(output) as stream, source.open("rb") as damaged:
+        restrict(stream)
+        copy = LogCopy(source, stream, "h2nav log recover")
+        recovery = copy.run(LogScan(damaged), pause)
+        stream.flush()
+        os.fsync(stream.fileno())
         if recovery.messages == 0 and recovery.attachments == 0:
             raise TaskFailed(f"{source}: nothing could be recovered")
-    except BaseException:
-        output.unlink(missing_ok=True)
-        raise
     return recovery

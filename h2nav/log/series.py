@@ -144,7 +144,7 @@ class LogSeries:
         self._retry_s = RETRY_FIRST_S
         self._headers: dict[tuple[str, str], Write] = {}
         self._new_headers: deque[tuple[tuple[str, str], Write]] = deque()
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._stop_repair = threading.Event()
 
     @property
@@ -184,7 +184,7 @@ class LogSeries:
             self._fail(error)
         except Exception as error:  # one message must never end the recording of the others
             self.rejected += 1
-            self._tell_once(f"not recorded: {type(error).__name__}: {error}")
+            self._report_once(f"not recorded: {type(error).__name__}: {error}")
 
     def tend(self) -> None:
         """Does what is due: new attachments, flush to disk, rotation, retry."""
@@ -306,9 +306,9 @@ class LogSeries:
             self.notices.append(RecorderNotice(Severity.ERROR, stopped, cause))
         self.trouble = text
 
-    def _tell_once(self, text: str) -> None:
-        if text not in self._told and len(self._told) < 100:
-            self._told.add(text)
+    def _report_once(self, text: str) -> None:
+        if text not in self._reported and len(self._reported) < 100:
+            self._reported.add(text)
             self.notices.append(RecorderNotice(Severity.WARNING, text))
 
     def _repair(self, paths: list[Path]) -> None:

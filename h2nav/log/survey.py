@@ -85,7 +85,7 @@ class _Tally:
         return (self.messages - 1) / span_s if span_s > 0 else 0.0
 
 
-class _Told:
+class _Contents:
     """Passes the service's records to the account, by channel."""
 
     def __init__(self, directory: Directory) -> None:
@@ -133,7 +133,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
     require_mcap(path)
     directory = Directory(path)
     tallies: dict[int, _Tally] = {}
-    told = _Told(directory)
+    contents = _Contents(directory)
     attachments: dict[str, int] = {}
     metadata: dict[str, dict[str, str]] = {}
     with path.open("rb") as stream:
@@ -150,7 +150,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
                 if opcode == Opcode.MESSAGE:
                     stored = message(body)
                     tallies.setdefault(stored.channel_id, _Tally()).take(stored)
-                    told.take(stored)
+                    contents.take(stored)
                 else:
                     directory.note(opcode, body)
         damaged, lost = scan.damaged_records, scan.skipped_bytes
@@ -169,7 +169,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
         metadata=metadata,
         damaged_records=damaged,
         lost_bytes=lost,
-        **told.result(start_ns)._asdict(),
+        **contents.result(start_ns)._asdict(),
     )
 
 

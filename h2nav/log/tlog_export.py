@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from h2nav.errors import BadInput
 from h2nav.log.channel_tables import require_topics
-from h2nav.log.file import RAW_ENCODING
+from h2nav.log.file import RAW_ENCODING, new_file
 from h2nav.log.reader import messages_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.survey import Progress, require_mcap
@@ -42,14 +42,10 @@ def export_tlog(
         BadInput: not a log, `output` exists, a topic is not in the log, or there are no frames.
     """
     require_mcap(path)
-    try:
-        stream = output.open("xb")
-    except FileExistsError:
-        raise BadInput(f"{output}: exists; name another file with -o") from None
     deframers: dict[str, Deframer] = {}
     seen: set[str] = set()
     frames = before_us = 0
-    with stream:
+    with new_file(output) as stream:
         for channel, stored in messages_of(path, progress):
             if channel.message_encoding != RAW_ENCODING:
                 continue
@@ -62,12 +58,8 @@ def export_tlog(
             for frame in deframers.setdefault(topic, Deframer()).feed(stored.data):
                 stream.write(stamp + frame.raw)
                 frames += 1
-    try:
         require_topics(path, topics, seen)
         if not frames:
             raise BadInput(f"{path}: no MAVLink frames in it")
-    except BadInput:
-        output.unlink()
-        raise
     skipped = sum(deframer.counters.skipped_bytes for deframer in deframers.values())
     return TelemetryResult(output, frames, skipped)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import orjson
 
 from h2nav.errors import BadInput
+from h2nav.log.file import new_file
 from h2nav.log.reader import messages_of
 from h2nav.log.survey import Progress, require_mcap
 
@@ -83,12 +84,8 @@ def export_tum(
     source = SOURCES.get(topic)
     if source is None:
         raise BadInput(f"{topic}: no poses; expected one of {', '.join(SOURCES)}")
-    try:
-        stream = output.open("x", encoding="ascii")
-    except FileExistsError:
-        raise BadInput(f"{output}: exists; name another file with -o") from None
     poses = left_out = before_ns = 0
-    with stream:
+    with new_file(output, "x") as stream:
         stream.write(f"# {topic} of h2nav: {source.frame}\n# timestamp tx ty tz qx qy qz qw\n")
         for t_ns, pose in _poses(path, topic, source, progress):
             if pose is None or t_ns <= before_ns:
@@ -97,9 +94,8 @@ def export_tum(
             before_ns = t_ns
             poses += 1
             stream.write(_line(t_ns, pose))
-    if not poses:
-        output.unlink()
-        raise BadInput(f"{path}: no poses in {topic}; choose one of the log's with --topic")
+        if not poses:
+            raise BadInput(f"{path}: no poses in {topic}; choose one of the log's with --topic")
     return TrajectoryResult(output, topic, poses, left_out)
 
 

@@ -82,10 +82,10 @@ def honesty(name: str, error_deg: Array, sigma_deg: Array) -> dict[str, float | 
     Args:
         sigma_deg: (N,) predicted deviations; NaN where there is none.
     """
-    is_told = np.isfinite(sigma_deg) & (sigma_deg > 0.0)
-    if not is_told.any():
+    is_known = np.isfinite(sigma_deg) & (sigma_deg > 0.0)
+    if not is_known.any():
         return {f"nees_{name}": None, f"{name}_beyond_3_sigma": None}
-    ratio = np.abs(error_deg[is_told]) / sigma_deg[is_told]
+    ratio = np.abs(error_deg[is_known]) / sigma_deg[is_known]
     return {
         f"nees_{name}": float(np.mean(ratio**2)),
         f"{name}_beyond_3_sigma": float(np.mean(ratio > BEYOND)),

@@ -556,7 +556,7 @@ def _primary(log: DataflashRows) -> tuple[Span, ...]:
 
 
 def _settings(log: DataflashRows) -> tuple[Setting, ...]:
-    rows = log.told("PARM", "Name", "Value")
+    rows = log.occasional("PARM", "Name", "Value")
     if rows is None:
         return ()
     values = rows.table.numbers("Value")
@@ -572,7 +572,7 @@ def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
 def _said(log: DataflashRows) -> tuple[Said, ...]:
     """Texts and errors; the log has no severities."""
     said = []
-    rows = log.told("MSG", "Message")
+    rows = log.occasional("MSG", "Message")
     if rows is not None:
         pairs = zip(rows.t_s.tolist(), rows.table.texts("Message"), strict=True)
         said = [Said(t_s, Severity.INFO, text) for t_s, text in pairs if text]
@@ -581,7 +581,7 @@ def _said(log: DataflashRows) -> tuple[Said, ...]:
 
 def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
     """Errors reported by ERR as numbers, unless the autopilot also reported them in words."""
-    rows = log.told("ERR", "Subsys", "ECode")
+    rows = log.occasional("ERR", "Subsys", "ECode")
     if rows is None:
         return []
     table = rows.table
@@ -598,7 +598,7 @@ def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
 
 def _firmware(log: DataflashRows, said: tuple[Said, ...]) -> str:
     """Such as ``ArduCopter V4.0.4 (93ffdf4b)``."""
-    rows = log.told("VER", "FWS")
+    rows = log.occasional("VER", "FWS")
     if rows is not None:
         return rows.table.texts("FWS")[0]
     names = tuple(name for kind in KINDS for name in kind.names)
@@ -623,7 +623,7 @@ def _vehicle_type(kind: VehicleKind, parameters: dict[str, float]) -> int:
 
 
 def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
-    rows = log.told("MODE", "Mode")
+    rows = log.occasional("MODE", "Mode")
     if rows is None:
         return ()
     if rows.table.kind("Mode") == "S":
@@ -637,7 +637,7 @@ def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
 def _armed(log: DataflashRows) -> tuple[Span, ...] | None:
     """While it was armed; None if unknown."""
     changes: list[tuple[float, bool]] = []
-    rows = log.told("ARM", "ArmState")
+    rows = log.occasional("ARM", "ArmState")
     if rows is not None:
         states = rows.table.integers("ArmState") != 0
         changes = list(zip(rows.t_s.tolist(), states.tolist(), strict=True))
@@ -665,7 +665,7 @@ def _changes(log: DataflashRows, begins: int, ends: int) -> list[tuple[float, bo
     """When something began (True) and ended (False), by the log's events."""
     found = []
     for number, is_begin in ((begins, True), (ends, False)):
-        rows = log.told("EV", "Id", begins=is_begin)
+        rows = log.occasional("EV", "Id", begins=is_begin)
         if rows is not None:
             are_so = rows.table.integers("Id") == number
             found += [(t_s, is_begin) for t_s in rows.t_s[are_so].tolist()]

@@ -204,7 +204,7 @@ def compasses(log: DataflashRows, parameters: Mapping[str, float]) -> tuple[Comp
 
 def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:
     """ERR, all subsystems."""
-    rows = log.told("ERR", "Subsys", "ECode")
+    rows = log.occasional("ERR", "Subsys", "ECode")
     if rows is None:
         return ()
     subsystems = rows.table.integers("Subsys").tolist()
@@ -218,7 +218,7 @@ def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:
 
 def occurrences(log: DataflashRows) -> tuple[Occurrence, ...]:
     """EV, without unnamed events."""
-    rows = log.told("EV", "Id")
+    rows = log.occasional("EV", "Id")
     if rows is None:
         return ()
     pairs = zip(rows.t_s.tolist(), rows.table.integers("Id").tolist(), strict=True)

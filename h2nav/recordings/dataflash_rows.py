@@ -29,7 +29,7 @@ class DataflashRows(Log):
         times = None if table is None else self.times_of(table)
         return None if table is None or times is None else self.believed(name, table, times)
 
-    def told(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
+    def occasional(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
         """Like `find`, for occasional messages, which until 2015 had no time.
 
         Rows without one get the time of the row before them in the file; if they `begins`

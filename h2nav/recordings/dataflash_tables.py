@@ -134,7 +134,7 @@ class _Chain:
         self._data = data
         self._lengths = [0] * 256
         self._lengths[FMT_TYPE] = FMT_BYTES
-        self._told: dict[int, bytes] = {}
+        self._declared: dict[int, bytes] = {}
         self._formats: dict[int, RowFormat] = {}
         self._places = [array("q") for _ in range(256)]
         self._notes: Counter[str] = Counter()
@@ -215,8 +215,8 @@ class _Chain:
         if len(record) < FMT_BYTES or record[3] == FMT_TYPE:
             return
         kind, length = record[3], record[4]
-        told = self._told.setdefault(kind, record)
-        if told != record:
+        declared = self._declared.setdefault(kind, record)
+        if declared != record:
             self._notes["a message type is defined twice, differently"] += 1
             return
         if kind in self._formats:
@@ -292,10 +292,10 @@ def _text_tables(data: bytes) -> LogTables:
 
 def _text_format(values: bytes) -> RowFormat | None:
     """Parses a line ``FMT, type, length, name, letters, columns...``; None if it is not valid."""
-    told = [value.strip().decode("latin-1") for value in values.split(b",")]
-    if len(told) < 5:
+    declared = [value.strip().decode("latin-1") for value in values.split(b",")]
+    if len(declared) < 5:
         return None
-    form = RowFormat(told[2], 0, told[3], tuple(told[4:]))
+    form = RowFormat(declared[2], 0, declared[3], tuple(declared[4:]))
     # There is no common text form of arrays.
     return form if form.is_sound and "a" not in form.letters else None
 

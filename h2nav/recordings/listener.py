@@ -4,7 +4,7 @@ import math
 import struct
 from collections.abc import Callable
 
-from h2nav.attitude.filter import AttitudeFilter, FilterState, tell
+from h2nav.attitude.filter import AttitudeFilter, FilterState, pass_on
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -15,7 +15,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.recordings.trials import FilterInput, ToldOf
+from h2nav.recordings.trials import FilterInput, InputRecord
 from h2nav.service.autopilot import Identity
 
 UNKNOWN = (math.nan, math.nan, math.nan)
@@ -29,12 +29,12 @@ class Stretch:
     Samples are stored packed, in a fifth of the memory of records: a log of an hour has millions.
 
     Attributes:
-        told: the other inputs, each with the number of the sample that it precedes.
+        inputs: the other inputs, each with the number of the sample that it precedes.
         identity: of the autopilot.
     """
 
     def __init__(self) -> None:
-        self.told: list[FilterInput] = []
+        self.inputs: list[FilterInput] = []
         self.identity: Identity | None = None
         self._rows = bytearray()
 
@@ -171,11 +171,11 @@ class Listener:
     def restore(self, state: FilterState) -> None:
         """See `state`."""
 
-    def _take(self, what: ToldOf) -> None:
+    def _take(self, what: InputRecord) -> None:
         self._keep(what)
         if self._filter is not None:
-            tell(self._filter, what)
+            pass_on(self._filter, what)
 
-    def _keep(self, what: ToldOf) -> None:
+    def _keep(self, what: InputRecord) -> None:
         stretch = self.stretches[-1]
-        stretch.told.append(FilterInput(len(stretch), what))
+        stretch.inputs.append(FilterInput(len(stretch), what))

@@ -73,7 +73,7 @@ def smoothed(
         if identity is None:
             continue
         stretches = list(group)
-        given = (Given(_samples(stretch, with_field), stretch.told) for stretch in stretches)
+        given = (Given(_samples(stretch, with_field), stretch.inputs) for stretch in stretches)
         arrived_us = itertools.chain.from_iterable(each.arrived_us for each in stretches)
         found = smoothing.smoothed(given, functools.partial(filter_for, identity))
         for at_us, estimate in zip(arrived_us, found, strict=True):

@@ -27,14 +27,14 @@ LONGEST_S = 1e8  # three years
 _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
 
 
-ToldOf = VehicleState | EarthField | SensorDelays | VelocityFix
+InputRecord = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class FilterInput(NamedTuple):
     """An input of a filter besides the samples."""
 
     row: int  # number of the sample that it precedes
-    what: ToldOf  # the record
+    what: InputRecord  # the record
 
 
 class Trial(NamedTuple):
@@ -54,7 +54,7 @@ class Trial(NamedTuple):
     gps: Array | None
     # (N,) samples that do not measure the motion; None when none is marked
     clipped: npt.NDArray[np.bool_] | None = None
-    told: tuple[FilterInput, ...] = ()  # further inputs, in order, on the clock of `t_us`
+    inputs: tuple[FilterInput, ...] = ()  # further inputs, in order, on the clock of `t_us`
     # of magnetic north from the truth's; estimates from the magnetometer alone are rotated by
     # it
     declination_rad: float = 0.0

@@ -471,10 +471,10 @@ def _primary(log: ULogRows) -> tuple[Span, ...]:
 
 def _settings(log: ULogRows) -> tuple[Setting, ...]:
     """Parameters; a change has the time of the surrounding data."""
-    told = log.file.parameters
-    times = log.clock.at(np.array([place for place, _, _ in told], np.int64)).tolist()
+    stored = log.file.parameters
+    times = log.clock.at(np.array([place for place, _, _ in stored], np.int64)).tolist()
     return tuple(
-        Setting(t_us, name, value) for t_us, (_, name, value) in zip(times, told, strict=True)
+        Setting(t_us, name, value) for t_us, (_, name, value) in zip(times, stored, strict=True)
     )
 
 

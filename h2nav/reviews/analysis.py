@@ -160,13 +160,13 @@ def _acquitted(
     best: Attitudes | None,
     rest: Rest,
 ) -> list[Finding]:
-    """Velocities blamed in flight that fit with another heading of ours."""
-    blamed = [one for one in flight.findings if one.kind is Kind.GPS_VELOCITY]
+    """Velocities flagged in flight that fit with another heading of ours."""
+    flagged = [one for one in flight.findings if one.kind is Kind.GPS_VELOCITY]
     moves = [moves_of(_fixes(gps)) for gps in context.gps[:1]]
-    if not blamed or track is None or best is None or not moves or len(moves[0].t_s) < 2:
+    if not flagged or track is None or best is None or not moves or len(moves[0].t_s) < 2:
         return []
     bias = bias_at_rest(rest)
-    return [one for one in blamed if fits(one, moves[0], track, best, bias, 0.0)]
+    return [one for one in flagged if fits(one, moves[0], track, best, bias, 0.0)]
 
 
 def _of_vehicle(
@@ -198,16 +198,16 @@ def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
 
     Such a jump is not reported by itself: without another IMU, it has too many other explanations.
     """
-    told = []
+    explained = []
     for one in found:
         near = [
             f"; or the {step.text} {step.evidence}"
             for step in steps
             if one.from_s - REACH_S < step.to_s and step.from_s < one.to_s + REACH_S
         ]
-        is_told = one.kind is Kind.GPS_VELOCITY
-        told.append(one._replace(evidence=one.evidence + "".join(near)) if is_told else one)
-    return told
+        is_shown = one.kind is Kind.GPS_VELOCITY
+        explained.append(one._replace(evidence=one.evidence + "".join(near)) if is_shown else one)
+    return explained
 
 
 def _of_samples(
@@ -224,7 +224,7 @@ def _of_samples(
         timing, own = look_at_timing(track, armed, paused)
         timings.append(timing)
         found += own
-        vibration, own = look_at_vibration(track, armed, is_told=_is_told(flight, track))
+        vibration, own = look_at_vibration(track, armed, is_reported=_is_reported(flight, track))
         vibrations.append(vibration)
         found += own
     spectra, own = look_at_spectra(tracks, flight.context.bursts, armed)
@@ -236,7 +236,7 @@ def _of_samples(
     )
 
 
-def _is_told(flight: Flight, track: ImuTrack) -> bool:
+def _is_reported(flight: Flight, track: ImuTrack) -> bool:
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     return any(f.kind is Kind.VIBRATION and f.sensor == imu for f in flight.findings)
 

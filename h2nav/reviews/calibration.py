@@ -8,15 +8,15 @@ from h2nav.reviews.html import escape, table
 HEADS = ("parameter", "in use", "better", "deviation")
 
 
-def calibration_section(told: dict[str, Any]) -> str:
+def calibration_section(fields: dict[str, Any]) -> str:
     """The section; empty if nothing was examined."""
-    sensors = told.get("sensors", [])
+    sensors = fields.get("sensors", [])
     if not sensors:
         return ""
     parts = [_sensor(sensor) for sensor in sensors]
     return (
         '<section id="calibration"><h2>Calibration from this flight</h2>'
-        f"{''.join(parts)}{_file(told)}</section>"
+        f"{''.join(parts)}{_file(fields)}</section>"
     )
 
 
@@ -46,14 +46,14 @@ def _figure(value: float | None) -> str:
     return "" if value is None else f"{value:.5g}"
 
 
-def _file(told: dict[str, Any]) -> str:
+def _file(fields: dict[str, Any]) -> str:
     """The parameters to load: to save, or to copy."""
-    text = told.get("file", "")
+    text = fields.get("file", "")
     if not text:
         return ""
     address = f"data:text/plain;charset=utf-8,{quote(text)}"
     return (
         "<p>Look at each value before you load it, and fly carefully after: "
-        f'<a download="{escape(told["file_name"])}" href="{address}">save the file</a>, or copy:'
+        f'<a download="{escape(fields["file_name"])}" href="{address}">save the file</a>, or copy:'
         f'</p><pre class="file">{"<br>".join(map(escape, text.splitlines()))}</pre>'
     )

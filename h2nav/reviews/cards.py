@@ -9,12 +9,12 @@ from h2nav.reviews.html import escape
 from h2nav.reviews.pictures.timeline import MOMENTS
 
 # In the form of `h2nav.reviews.document`.
-Told = dict[str, Any]
+Entry = dict[str, Any]
 # Causes shown at once; the first one unfolded.
 MOST_SHOWN, MOST_LISTED, MOST_MOMENTS = 6, 200, 3
 
 
-def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
+def cards(findings: Sequence[Entry], *, opens_first: bool = True) -> str:
     """Causes in the given order, with notes folded below them.
 
     Args:
@@ -44,7 +44,7 @@ def cards(findings: Sequence[Told], *, opens_first: bool = True) -> str:
     return "".join((*parts, about if findings else ""))
 
 
-def is_wrong(finding: Told) -> bool:
+def is_wrong(finding: Entry) -> bool:
     """Whether it is more than a note."""
     return _severity(finding) <= Severity.WARNING
 
@@ -54,10 +54,10 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
+def _followers(findings: Sequence[Entry]) -> dict[str, list[Entry]]:
     """Id of a first cause -> its consequences, in order of time."""
     first = {one["id"]: one["consequence_of"] for one in findings}
-    followers: dict[str, list[Told]] = {}
+    followers: dict[str, list[Entry]] = {}
     for one in sorted(findings, key=lambda one: float(one["from_s"])):
         cause = first[one["id"]]
         if cause in first and cause != one["id"] and first[cause] is None:
@@ -65,10 +65,10 @@ def _followers(findings: Sequence[Told]) -> dict[str, list[Told]]:
     return followers
 
 
-def _grouped(causes: Iterable[Told], followers: dict[str, list[Told]]) -> list[list[Told]]:
+def _grouped(causes: Iterable[Entry], followers: dict[str, list[Entry]]) -> list[list[Entry]]:
     """Groups repeated findings without consequences under the first of their kind."""
-    groups: list[list[Told]] = []
-    repeated: dict[tuple[str, str], list[Told]] = {}
+    groups: list[list[Entry]] = []
+    repeated: dict[tuple[str, str], list[Entry]] = {}
     for one in causes:
         group = repeated.get((one["kind"], one["sensor"]["kind"]))
         if one["id"] in followers or one["kind"] in MOMENTS:
@@ -82,8 +82,8 @@ def _grouped(causes: Iterable[Told], followers: dict[str, list[Told]]) -> list[l
 
 
 def _list(
-    groups: Iterable[Sequence[Told]],
-    followers: dict[str, list[Told]],
+    groups: Iterable[Sequence[Entry]],
+    followers: dict[str, list[Entry]],
     *,
     opens_first: bool = False,
 ) -> str:
@@ -95,7 +95,13 @@ def _list(
     return f'<ol class="findings">{"".join(items)}</ol>' if items else ""
 
 
-def _card(finding: Told, more: Sequence[Told], followers: Sequence[Told], *, is_open: bool) -> str:
+def _card(
+    finding: Entry,
+    more: Sequence[Entry],
+    followers: Sequence[Entry],
+    *,
+    is_open: bool,
+) -> str:
     severity, source, text = _severity(finding), finding["source"], finding["text"]
     is_named = finding["sensor"]["kind"] == SensorKind.VEHICLE or source.lower() in text.lower()
     if not is_named:
@@ -119,7 +125,7 @@ def _card(finding: Told, more: Sequence[Told], followers: Sequence[Told], *, is_
     )
 
 
-def _led_to(followers: Sequence[Told]) -> str:
+def _led_to(followers: Sequence[Entry]) -> str:
     """Names the moments among them and counts the others."""
     moments = [one for one in followers if one["kind"] in MOMENTS][:MOST_MOMENTS]
     named = [f"{MOMENTS[one['kind']]} at {one['from_s']:.1f} s" for one in moments]
@@ -129,11 +135,11 @@ def _led_to(followers: Sequence[Told]) -> str:
     return f"it led to: {', '.join(named)}"
 
 
-def _severity(finding: Told) -> Severity:
+def _severity(finding: Entry) -> Severity:
     return Severity.of(finding["severity"]) or Severity.INFO
 
 
-def _why(finding: Told, *, is_open: bool) -> str:
+def _why(finding: Entry, *, is_open: bool) -> str:
     """Meaning, evidence, and what to check."""
     lines = (("means", "means"), ("shown by", "evidence"), ("check", "check"))
     shown = "".join(
@@ -150,7 +156,7 @@ def _folded(title: str, html: str, *, is_open: bool = False) -> str:
     )
 
 
-def _span(finding: Told) -> str:
+def _span(finding: Entry) -> str:
     from_s, to_s = finding["from_s"], finding["to_s"]
     digits = 1 if to_s - from_s < 10.0 else 0
     begin, end = f"{from_s:.{digits}f}", f"{to_s:.{digits}f}"

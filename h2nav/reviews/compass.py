@@ -424,7 +424,7 @@ def _constant(
     severity = Severity.INFO if is_raw else Severity.WARNING
     found = []
 
-    def tell(kind: Kind, size: float, unit: str, text: str, evidence: str) -> None:
+    def report(kind: Kind, size: float, unit: str, text: str, evidence: str) -> None:
         times = float(rows.t_s[0]), float(rows.t_s[-1])
         left = f"; the rest falls from {fit.before_ut * MG_PER_UT:.0f} to "
         evidence += f"{left}{fit.after_ut * MG_PER_UT:.0f} mG rms of {norm * MG_PER_UT:.0f}"
@@ -442,16 +442,16 @@ def _constant(
             f"of heading; {_change(compass, offset, context, is_raw=is_raw)}; by strength and dip "
             "alone, whatever the heading was"
         )
-        tell(Kind.COMPASS_HARD_IRON, size, "mG", text, evidence)
+        report(Kind.COMPASS_HARD_IRON, size, "mG", text, evidence)
     soft = float(np.hypot(*fit.x[4:6]))
     if soft > math.tan(HEADING_TOLD_RAD) and fit.is_sure(4, 6):
         text = f"soft iron: {2.0 * soft:.0%} stronger one way than across"
         evidence = f"up to {soft / DEG:.0f} deg of heading, twice in a full turn"
-        tell(Kind.COMPASS_SOFT_IRON, 200.0 * soft, "%", text, evidence)
+        report(Kind.COMPASS_SOFT_IRON, 200.0 * soft, "%", text, evidence)
     scale = float(fit.x[3]) - 1.0
     if abs(scale) > SCALE_TOLD and fit.is_sure(3, 4, around=1.0):
         text = f"field is {scale:+.0%} against the earth's"
-        tell(Kind.COMPASS_SCALE, 100.0 * abs(scale), "%", text, "the same in all headings")
+        report(Kind.COMPASS_SCALE, 100.0 * abs(scale), "%", text, "the same in all headings")
     return found
 
 

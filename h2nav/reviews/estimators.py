@@ -105,7 +105,7 @@ def look_at_estimators(
     context: Context,
     track: ImuTrack | None,
     best: Attitudes | None,
-    told: tuple[Finding, ...],
+    in_flight: tuple[Finding, ...],
     rest: Rest = NEVER,
 ) -> list[Finding]:
     """Analyses the autopilot's attitudes.
@@ -113,7 +113,7 @@ def look_at_estimators(
     Args:
         context: its attitudes, lanes and armed state.
         track: samples with whose gyro the attitudes are compared; None without any.
-        told: findings in flight, which are not repeated.
+        in_flight: findings in flight, which are not repeated.
         rest: windows at rest, in which gravity decides.
     """
     found = _switches(context)
@@ -123,7 +123,7 @@ def look_at_estimators(
         found += _resets(context, track)
     found += _cores(context)
     if best is not None:
-        found += _beyond(context, track, best, told, rest)
+        found += _beyond(context, track, best, in_flight, rest)
     return found
 
 
@@ -141,7 +141,7 @@ def look_at_texts(context: Context) -> list[Finding]:
         if kind is Kind.ESTIMATOR_SWITCH and context.primary:
             continue
         if texts:
-            found.append(_told(kind, text, texts))
+            found.append(_quoted(kind, text, texts))
     return found
 
 
@@ -153,7 +153,7 @@ def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
     return any(span.from_s <= said.t_s <= span.to_s + margin_s for span in context.armed)
 
 
-def _told(kind: Kind, text: str, texts: list[Said]) -> Finding:
+def _quoted(kind: Kind, text: str, texts: list[Said]) -> Finding:
     times = f", {len(texts)} times" if len(texts) > 1 else ""
     quoted = "; ".join(f"{said.t_s:.0f} s: {said.text!r}" for said in texts[:4])
     return Finding(
@@ -319,7 +319,7 @@ def _beyond(
     context: Context,
     imu: ImuTrack | None,
     best: Attitudes,
-    told: tuple[Finding, ...],
+    in_flight: tuple[Finding, ...],
     rest: Rest,
 ) -> list[Finding]:
     """Periods in which the attitude used for control is outside three deviations of both."""
@@ -353,16 +353,16 @@ def _beyond(
                 "beyond three deviations of ours",
             ),
         )
-        known = [f for f in told if f.kind is kind and f.sensor == AUTOPILOT]
+        known = [f for f in in_flight if f.kind is kind and f.sensor == AUTOPILOT]
         for piece in pieces:
             if any(f.from_s <= piece.to_s and piece.from_s <= f.to_s for f in known):
                 continue
             verdict, is_ours = _whose(context, imu, own, best, rest, piece)
-            told_as = piece._replace(evidence=f"{piece.evidence}; {verdict}")
+            shown_as = piece._replace(evidence=f"{piece.evidence}; {verdict}")
             if is_ours:
                 text = f"the autopilot's {part} is off by {piece.size:.0f} deg"
-                told_as = told_as._replace(severity=Severity.WARNING, text=text)
-            found.append(told_as)
+                shown_as = shown_as._replace(severity=Severity.WARNING, text=text)
+            found.append(shown_as)
     return found
 
 
@@ -371,7 +371,7 @@ def misjudged(
     imu: ImuTrack | None,
     best: Attitudes | None,
     rest: Rest,
-    told: tuple[Finding, ...],
+    in_flight: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
     """Findings in flight that blame the autopilot's attitude where ours is wrong.
 
@@ -384,11 +384,11 @@ def misjudged(
         return ()
     track = context.attitudes[0]
     own = attitudes(track.t_s, track.q_nb)
-    blamed = (Kind.AUTOPILOT_TILT, Kind.AUTOPILOT_HEADING)
+    of_autopilot = (Kind.AUTOPILOT_TILT, Kind.AUTOPILOT_HEADING)
     return tuple(
         one
-        for one in told
-        if one.kind in blamed and _whose(context, imu, own, best, rest, one)[1] is False
+        for one in in_flight
+        if one.kind in of_autopilot and _whose(context, imu, own, best, rest, one)[1] is False
     )
 
 

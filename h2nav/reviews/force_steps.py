@@ -82,7 +82,7 @@ def look_at_force_steps(
         others = [other for i, (other, _) in enumerate(looked) if i != place]
         for other in others:
             size[np.linalg.norm(own - other, axis=1) < ALIKE_SHARE * size] = 0.0
-        found += _told(tracks[place].imu, at_s, own, size, is_alone=not others)
+        found += _findings(tracks[place].imu, at_s, own, size, is_alone=not others)
     return found
 
 
@@ -211,7 +211,7 @@ def _carried(track: ImuTrack, bias_b: Array) -> Array:
     return unit(q)
 
 
-def _told(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: bool) -> list[Finding]:
+def _findings(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: bool) -> list[Finding]:
     """The largest jump: those after it may show how the attitude absorbed it."""
     place = int(np.argmax(size))
     if size[place] == 0.0:

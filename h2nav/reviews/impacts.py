@@ -117,7 +117,7 @@ def binned(track: ImuTrack, context: Context) -> Bins:
     rate = np.linalg.norm(track.w_b, axis=1)[: place[-1]]
     t_s = edges[:-1][is_filled]
     driven = driven_at(context, t_s)
-    usual = _usual(driven, _told_airborne(context, t_s))
+    usual = _usual(driven, _reported_airborne(context, t_s))
     return Bins(
         t_s,
         both[:, :3],
@@ -130,19 +130,21 @@ def binned(track: ImuTrack, context: Context) -> Bins:
     )
 
 
-def _told_airborne(context: Context, t_s: Array) -> Mask | None:
+def _reported_airborne(context: Context, t_s: Array) -> Mask | None:
     """(N,) whether the autopilot reports it as airborne; None if it does not report."""
     series = context.airborne
     if series is None or not len(series.t_s):
         return None
     place = np.searchsorted(series.t_s, t_s, side="right") - 1
-    told: Mask = np.asarray(series.values)[np.maximum(place, 0)] > 0.5
-    return told
+    airborne: Mask = np.asarray(series.values)[np.maximum(place, 0)] > 0.5
+    return airborne
 
 
-def _usual(driven: Array, told: Mask | None) -> float:
+def _usual(driven: Array, airborne: Mask | None) -> float:
     """The usual output in flight."""
-    flown = driven[told & (driven > 0.0)] if told is not None else driven[driven > FLYING_SHARE]
+    flown = (
+        driven[airborne & (driven > 0.0)] if airborne is not None else driven[driven > FLYING_SHARE]
+    )
     flown = flown[np.isfinite(flown)]
     return float(np.median(flown)) if len(flown) else 1.0
 
@@ -155,9 +157,9 @@ def in_flight(bins: Bins, context: Context, impacts: "list[Impact]") -> Mask:
         impacts: crashes, each of which ends a flight.
     """
     flies: Mask = ~(bins.driven <= bins.flying) & within(bins.t_s, context.armed)
-    told = _told_airborne(context, bins.t_s)
-    if told is not None:
-        flies &= told
+    airborne = _reported_airborne(context, bins.t_s)
+    if airborne is not None:
+        flies &= airborne
     for impact in impacts:
         flies &= ~((bins.t_s > impact.t_s - BLOW_S) & (bins.t_s <= impact.to_s))
     return flies & _moves(bins.w_b)

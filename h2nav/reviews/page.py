@@ -37,7 +37,7 @@ _KINDS = {
 }
 
 
-def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
+def page(flight: Flight, analysis: Analysis, document: dict[str, Any]) -> str:
     """Renders the review as HTML.
 
     Returns:
@@ -49,15 +49,15 @@ def page(flight: Flight, analysis: Analysis, told: dict[str, Any]) -> str:
     drawn = _Drawn()
     body = "\n".join(
         (
-            _title(told),
-            _findings(told),
+            _title(document),
+            _findings(document),
             *map(drawn.section, happened),
             _contents(sections),
             *map(drawn.section, sections),
-            _certainty(told),
-            calibration_section(told.get("calibration", {})),
-            _texts(told),
-            _parameters(told["parameters"]),
+            _certainty(document),
+            calibration_section(document.get("calibration", {})),
+            _texts(document),
+            _parameters(document["parameters"]),
             _bar(),
         )
     )
@@ -140,17 +140,17 @@ class _Drawn:
         return f'<div class="plot" data-picture="{len(self.pictures) - 1}"></div>'
 
 
-def _title(told: dict[str, Any]) -> str:
+def _title(document: dict[str, Any]) -> str:
     facts = [
-        ("vehicle", told["vehicle"]),
-        ("firmware", told["firmware"]),
-        ("autopilot", "" if told["firmware"] else told["autopilot"]),
-        ("begun", (told["start_utc"] or "").replace("T", " ").replace("Z", " UTC")),
-        ("lasted", duration(told["duration_s"])),
-        (_KINDS.get(told["kind"], told["kind"]), told["file"]),
+        ("vehicle", document["vehicle"]),
+        ("firmware", document["firmware"]),
+        ("autopilot", "" if document["firmware"] else document["autopilot"]),
+        ("begun", (document["start_utc"] or "").replace("T", " ").replace("Z", " UTC")),
+        ("lasted", duration(document["duration_s"])),
+        (_KINDS.get(document["kind"], document["kind"]), document["file"]),
     ]
     line = " · ".join(f"{escape(name)} <b>{escape(value)}</b>" for name, value in facts if value)
-    title = f"<h1>Flight review: {escape(told['name'])}</h1>"
+    title = f"<h1>Flight review: {escape(document['name'])}</h1>"
     return f'<header>{title}<p class="facts">{line}</p></header>'
 
 
@@ -163,23 +163,23 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _no_estimate(told: dict[str, Any]) -> str:
-    if not told["why_no_estimate"]:
+def _no_estimate(document: dict[str, Any]) -> str:
+    if not document["why_no_estimate"]:
         return ""
     return (
-        f'<p class="lack">No attitude of our own: {escape(told["why_no_estimate"])}</p>'
+        f'<p class="lack">No attitude of our own: {escape(document["why_no_estimate"])}</p>'
         "<p>So the autopilot's attitude could not be judged. What the recording shows of itself "
         "stands below.</p>"
     )
 
 
-def _findings(told: dict[str, Any]) -> str:
-    found = [one for one in told["findings"] if not _is_own(one)]
-    look = "verdict long" if len(told["verdict"]) > LONG_VERDICT else "verdict"
+def _findings(document: dict[str, Any]) -> str:
+    found = [one for one in document["findings"] if not _is_own(one)]
+    look = "verdict long" if len(document["verdict"]) > LONG_VERDICT else "verdict"
     return (
-        f'<section id="findings"><p class="{look}">{escape(told["verdict"])}</p>'
-        f"{_no_estimate(told)}{cards(found)}"
-        f"{_looked_at(told, is_open=not any(map(is_wrong, found)))}</section>"
+        f'<section id="findings"><p class="{look}">{escape(document["verdict"])}</p>'
+        f"{_no_estimate(document)}{cards(found)}"
+        f"{_looked_at(document, is_open=not any(map(is_wrong, found)))}</section>"
     )
 
 
@@ -188,21 +188,21 @@ def _is_own(finding: dict[str, Any]) -> bool:
     return bool(finding["about"] == "h2nav")
 
 
-def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
+def _looked_at(document: dict[str, Any], *, is_open: bool) -> str:
     """The basis of the verdict; unfolded if nothing was found wrong."""
     checked = [
         one["what"] + (f" ({duration(one['for_s'])})" if one["for_s"] is not None else "")
-        for one in told["checked"]
+        for one in document["checked"]
     ]
     # A verdict without findings names these itself.
-    subjects = ((), ()) if is_open else (told["looked_at"], told["not_looked_at"])
+    subjects = ((), ()) if is_open else (document["looked_at"], document["not_looked_at"])
     lines = "".join(
         f"<p><b>{title}:</b> {escape('; '.join(what))}.</p>"
         for title, what in (
             *zip(("Looked at", "Not looked at"), subjects, strict=True),
             ("Checked", checked),
-            ("Could not be checked", _untested(told)),
-            ("Missing in the recording", told["missing"]),
+            ("Could not be checked", _untested(document)),
+            ("Missing in the recording", document["missing"]),
         )
         if what
     )
@@ -213,19 +213,19 @@ def _looked_at(told: dict[str, Any], *, is_open: bool) -> str:
     return f"<details{opened}><summary>{title}</summary>{lines}</details>"
 
 
-def _untested(told: dict[str, Any]) -> list[str]:
+def _untested(document: dict[str, Any]) -> list[str]:
     """Tests without data in the recording; gravity only tests where no velocity does."""
-    if told["why_no_estimate"]:
+    if document["why_no_estimate"]:
         return []
-    tested = told["certainty"]["tested"]
+    tested = document["certainty"]["tested"]
     untested = [name for name, one in tested.items() if not one["spans"]]
     if tested[GROUPS["velocity"]]["spans"]:
         untested = [name for name in untested if name != GROUPS["force"]]
     return untested
 
 
-def _certainty(told: dict[str, Any]) -> str:
-    certainty = told["certainty"]
+def _certainty(document: dict[str, Any]) -> str:
+    certainty = document["certainty"]
     rows = [
         (
             name,
@@ -239,7 +239,7 @@ def _certainty(told: dict[str, Any]) -> str:
         if deviations is not None
         for part in ("tilt", "heading")
     ]
-    own = cards([one for one in told["findings"] if _is_own(one)], opens_first=False)
+    own = cards([one for one in document["findings"] if _is_own(one)], opens_first=False)
     parts = [f'<section id="sure"><h2>How sure we are</h2>{own}']
     if rows:
         parts.append(
@@ -247,7 +247,7 @@ def _certainty(told: dict[str, Any]) -> str:
             "smaller. Tilt is roll and pitch together. The smoothed attitude knows what came "
             "later, and is the more accurate one.</p>"
         )
-    tables = [_compared(told), _tested(told)]
+    tables = [_compared(document), _tested(document)]
     if rows:
         heads = ("whose", "of", "usual", "largest", "at the end")
         tables.insert(0, "<div><h3>Our own attitude</h3>" + table(heads, rows) + "</div>")
@@ -255,7 +255,7 @@ def _certainty(told: dict[str, Any]) -> str:
     return "".join(parts) + "</section>" if own or any(tables) else ""
 
 
-def _compared(told: dict[str, Any]) -> str:
+def _compared(document: dict[str, Any]) -> str:
     rows = [
         (
             one["name"],
@@ -264,7 +264,7 @@ def _compared(told: dict[str, Any]) -> str:
             _deg(one[part]["largest_deg"]),
             _percent(one[part]["beyond_limit_percent"]),
         )
-        for one in told["differences"]
+        for one in document["differences"]
         for part in ("tilt", "heading")
     ]
     if not rows:
@@ -273,14 +273,14 @@ def _compared(told: dict[str, Any]) -> str:
     return "<div><h3>Other attitudes against h2nav</h3>" + table(heads, rows) + "</div>"
 
 
-def _tested(told: dict[str, Any]) -> str:
-    duration_s = told["duration_s"] or 1.0
+def _tested(document: dict[str, Any]) -> str:
+    duration_s = document["duration_s"] or 1.0
     shares = {
         f"tested: {name}": one["share_percent"]
-        for name, one in told["certainty"]["tested"].items()
+        for name, one in document["certainty"]["tested"].items()
         if one["spans"]
     }
-    for name, seconds in told["certainty"]["states_s"].items():
+    for name, seconds in document["certainty"]["states_s"].items():
         shares[f"h2nav: {name.replace('_', ' ')}"] = 100.0 * seconds / duration_s
     rows = [(name, _percent(share)) for name, share in shares.items() if share >= LEAST_PERCENT]
     if not rows:
@@ -308,17 +308,17 @@ def _contents(sections: Sequence[Section]) -> str:
     return f'<nav class="contents"><h2>The flight</h2><p>{links}</p>{how}</nav>' if links else ""
 
 
-def _texts(told: dict[str, Any]) -> str:
+def _texts(document: dict[str, Any]) -> str:
     parts = [
         f"<details><summary>{escape(title)} ({len(rows)})</summary>"
         f"{table(('s', 'severity', 'text'), rows)}</details>"
         for title, rows in (
-            ("Texts of the autopilot", _rows(told["said"])),
-            ("Texts of h2nav", _rows(told["notices"])),
+            ("Texts of the autopilot", _rows(document["said"])),
+            ("Texts of h2nav", _rows(document["notices"])),
         )
         if rows
     ]
-    skipped = [*told["damaged"].items(), *told["rejected"].items()]
+    skipped = [*document["damaged"].items(), *document["rejected"].items()]
     if skipped:
         parts.append(
             f"<details><summary>Damaged, skipped or refused ({len(skipped)})</summary>"

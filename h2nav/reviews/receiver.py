@@ -88,14 +88,14 @@ def look_at_receiver(
     found = [*_lost(sensor, gps, context), *_quality(sensor, gps, context)]
     found += _frozen(sensor, gps, within(gps.t_s, context.armed))
     position_m = _jumps(gps)
-    found += _told_jumps(sensor, gps, position_m, within(gps.t_s, context.armed))
+    found += _jump_findings(sensor, gps, position_m, within(gps.t_s, context.armed))
     lag_s = math.nan
     difference = np.full((len(gps.t_s), 3), np.nan)
     moves = moves_of(gps)
     if track is not None and best is not None and len(moves.t_s) > 10:
         velocity = inertial_velocity(track, best.at(track.t_s))
         lag_s = lag_of(moves, velocity)
-        found += _told_lag(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
+        found += _lag_findings(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
         own = 0.0 if math.isnan(lag_s) else lag_s
         slow = _slow(moves, best, force_error(rest))
         against = _contradictions(sensor, moves, velocity, slow, context, own)
@@ -205,7 +205,7 @@ def _cost(moves: Moves, velocity: VelocityTrack, lags: Array) -> tuple[Array | N
     return cost, seconds
 
 
-def _told_lag(
+def _lag_findings(
     sensor: Sensor, moves: Moves, lag_s: float, context: Context, polled_s: float
 ) -> list[Finding]:
     if math.isnan(lag_s):
@@ -319,7 +319,7 @@ def _jumps(gps: GpsTrack) -> Array:
     return apart
 
 
-def _told_jumps(sensor: Sensor, gps: GpsTrack, position_m: Array, flying: Mask) -> list[Finding]:
+def _jump_findings(sensor: Sensor, gps: GpsTrack, position_m: Array, flying: Mask) -> list[Finding]:
     places = np.flatnonzero((np.nan_to_num(position_m) > JUMP_M) & flying)
     if not len(places):
         return []
@@ -393,8 +393,8 @@ def _never(sensor: Sensor, gps: GpsTrack, context: Context) -> Finding:
 def _frozen(sensor: Sensor, gps: GpsTrack, flying: Mask) -> list[Finding]:
     """A velocity that repeats exactly while it says that the vehicle moves."""
     speed = np.linalg.norm(np.nan_to_num(gps.v_n[:, :2]), axis=1)
-    told = gps.has_fix & flying & (speed > MOVING_M_S)
-    alike = (gps.v_n[1:, :2] == gps.v_n[:-1, :2]).all(axis=1) & told[1:] & told[:-1]
+    moving = gps.has_fix & flying & (speed > MOVING_M_S)
+    alike = (gps.v_n[1:, :2] == gps.v_n[:-1, :2]).all(axis=1) & moving[1:] & moving[:-1]
     found = []
     for first, last in runs(alike):
         lasted = float(gps.t_s[last + 1] - gps.t_s[first])

@@ -60,7 +60,7 @@ class _Lined(NamedTuple):
 def fits(
     one: Finding, moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float
 ) -> bool:
-    """Whether a blamed receiver fits throughout with another heading or a small tilt.
+    """Whether a flagged receiver fits throughout with another heading or a small tilt.
 
     Args:
         one: the finding that blames it.
@@ -69,9 +69,9 @@ def fits(
     lined = _lined(moves, track, best, bias_b, lag_s)
     inside = (lined.t_s >= one.from_s - lag_s) & (lined.t_s <= one.to_s - lag_s)
     usual = _left(lined, _spread(np.ones(len(inside), dtype=bool)))
-    blamed = _left(lined, _spread(inside))
-    known, all_known = blamed[np.isfinite(blamed)], usual[np.isfinite(usual)]
-    if len(known) <= np.count_nonzero(np.isinf(blamed)) or not len(all_known):
+    flagged = _left(lined, _spread(inside))
+    known, all_known = flagged[np.isfinite(flagged)], usual[np.isfinite(usual)]
+    if len(known) <= np.count_nonzero(np.isinf(flagged)) or not len(all_known):
         return False
     limit = TIMES * min(float(np.median(all_known)), USUAL_M_S)
     share = SHARE * one.size if one.unit == "m/s" else 0.0

@@ -85,39 +85,39 @@ def look_at_biases(
     tracks: tuple[ImuTrack, ...],
     best: Attitudes | None,
     armed: tuple[Span, ...],
-    told: tuple[Finding, ...],
+    in_flight: tuple[Finding, ...],
 ) -> tuple[tuple[Bias, ...], list[Finding]]:
     """Biases of all IMUs.
 
     Args:
         tracks: samples, in order, all finite.
         armed: while the motors could turn.
-        told: findings in flight; a sensor without measurements has no bias.
+        in_flight: findings in flight; a sensor without measurements has no bias.
     """
     biases, found = [], []
-    tracks = tuple(_with_live_field(measuring(track, told), told) for track in tracks)
+    tracks = tuple(_with_live_field(measuring(track, in_flight), in_flight) for track in tracks)
     for track in tracks:
         bias, own = _of_imu(track, best, armed)
         biases.append(bias)
         found += own
-    return tuple(biases), found + _apart(tracks, (*found, *told))
+    return tuple(biases), found + _apart(tracks, (*found, *in_flight))
 
 
-def measuring(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+def measuring(track: ImuTrack, in_flight: tuple[Finding, ...]) -> ImuTrack:
     """The samples without those of a sensor found frozen, stuck or clipped."""
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     spans = [
         Span(f.from_s - WINDOW_S, f.to_s + WINDOW_S, f.kind.value)
-        for f in told
+        for f in in_flight
         if f.sensor == imu and f.kind in DEAD
     ]
     return select_rows(track, ~within(track.t_s, spans))
 
 
-def _with_live_field(track: ImuTrack, told: tuple[Finding, ...]) -> ImuTrack:
+def _with_live_field(track: ImuTrack, in_flight: tuple[Finding, ...]) -> ImuTrack:
     """The samples without the field of a compass that was ever frozen."""
     imu = Sensor(SensorKind.IMU, track.imu + 1)
-    if not any(f.kind is Kind.COMPASS_FROZEN and f.sensor == imu for f in told):
+    if not any(f.kind is Kind.COMPASS_FROZEN and f.sensor == imu for f in in_flight):
         return track
     return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
 
@@ -377,18 +377,18 @@ def _disagreeing(
             and np.linalg.norm(difference[places].mean(axis=0)) > limit
         ):
             beyond[one, other] = apart
-    blamed = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
-    if len(blamed) > 1:
+    suspects = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
+    if len(suspects) > 1:
         suspected = {f.sensor.number for f in known if f.kind in SHOWN_BY[kind]}
-        shown = [i for i in blamed if imus[i] in suspected]
-        blamed = shown if len(shown) == 1 else blamed
+        shown = [i for i in suspects if imus[i] in suspected]
+        suspects = shown if len(shown) == 1 else suspects
     found = []
     for pair, apart in beyond.items():
-        if len(blamed) != 1:
+        if len(suspects) != 1:
             found.append(_difference(kind, [imus[i] for i in pair], [], edges, apart, limit))
         elif not found:
-            others = [imu for i, imu in enumerate(imus) if i != blamed[0]]
-            found.append(_difference(kind, [imus[blamed[0]]], others, edges, apart, limit))
+            others = [imu for i, imu in enumerate(imus) if i != suspects[0]]
+            found.append(_difference(kind, [imus[suspects[0]]], others, edges, apart, limit))
     return found
 
 

@@ -307,20 +307,20 @@ def _notch(spectrum: Spectrum) -> str:
 
 
 def look_at_vibration(
-    track: ImuTrack, armed: tuple[Span, ...], *, is_told: bool
+    track: ImuTrack, armed: tuple[Span, ...], *, is_reported: bool
 ) -> tuple[Vibrations, list[Finding]]:
     """The level of one accelerometer, and its clipped samples.
 
     Args:
         armed: while the motors could turn.
-        is_told: a check in flight has reported this IMU's vibration already.
+        is_reported: a check in flight has reported this IMU's vibration already.
     """
     t_s = track.t_s
     clipped = (np.abs(track.f_b) >= CLIPPED_M_S2) @ np.ones(3) > 0.0
     rate_hz = (len(t_s) - 1) / max(float(t_s[-1] - t_s[0]), 1e-9) if len(t_s) > 1 else 0.0
     level = vibe(track.f_b, rate_hz)
     flying = within(t_s, armed)
-    found = [] if is_told else _level(track, level, flying, rate_hz)
+    found = [] if is_reported else _level(track, level, flying, rate_hz)
     count = int((clipped & flying).sum())
     if count > MOST_CLIPPED:
         found.append(_clipped(track, clipped & flying, count))

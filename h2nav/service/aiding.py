@@ -82,7 +82,7 @@ class FieldOfTheEarth:
             return None
         if self._place is None:
             self._place = Steady(place, FAR_PLACE_NS, _is_near)
-        elif not self._place.hears(t_ns, place):
+        elif not self._place.take(t_ns, place):
             return None
         field = self._field_at(*place, self._unix_s)
         if field is None or self._settings.declination == "wmm":
@@ -126,14 +126,14 @@ class Aiding:
         self._airspeeds = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeed_m_s: float | None = None
         self._airspeed_ns = 0
-        self._told: VehicleState | None = None
+        self._passed: VehicleState | None = None
 
     @property
     def knows_field(self) -> bool:
         """The earth field is known."""
         return self._field.is_known
 
-    def tell_vehicle(self, t_ns: int) -> list[Effect]:
+    def pass_vehicle(self, t_ns: int) -> list[Effect]:
         """Passes a changed vehicle state to the filter."""
         fresh = t_ns - self._airspeed_ns <= STALE_AIRSPEED_NS
         state = VehicleState(
@@ -141,17 +141,17 @@ class Aiding:
             self._airspeed_m_s if fresh else None,
             is_armed=self._autopilot.is_armed,
         )
-        if state == self._told:
+        if state == self._passed:
             return []
-        self._told = state
+        self._passed = state
         self._estimation.use_vehicle(state)
         record = AidingRecord("vehicle", on_ground=state.on_ground, airspeed_m_s=state.airspeed_m_s)
         return [Record("/aiding", record)]
 
     def on_landed_state(self, t_ns: int, state: LandedState) -> list[Effect]:
         """Takes the autopilot's report whether the vehicle is on the ground."""
-        self._autopilot.hears_landed_state(t_ns, state.on_ground)
-        return self.tell_vehicle(t_ns)
+        self._autopilot.take_landed_state(t_ns, state.on_ground)
+        return self.pass_vehicle(t_ns)
 
     def on_airspeed(self, t_ns: int, measured: Airspeed) -> list[Effect]:
         """Uses airspeed for fixed wings only, which fly along their nose."""
@@ -161,7 +161,7 @@ class Aiding:
         if usable and self._airspeeds.allows(t_ns):
             self._airspeed_m_s = measured.airspeed_m_s
             self._airspeed_ns = t_ns
-        return self.tell_vehicle(t_ns)
+        return self.pass_vehicle(t_ns)
 
     def on_system_time(self, time: SystemTime) -> list[Effect]:
         """Takes the date for the field model."""
@@ -196,16 +196,16 @@ class Aiding:
             self._witness.fix(velocity)
         if not self._settings.gps_velocity:
             return effects
-        return effects + self._tell_velocity(t_ns, velocity)
+        return effects + self._pass_velocity(t_ns, velocity)
 
     def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:
         """Takes a velocity of the autopilot's estimator."""
         newest_us = self._estimation.newest_t_us
         if not self._settings.autopilot_velocity or newest_us is None:
             return []
-        return self._tell_velocity(t_ns, autopilot_velocity(velocity, newest_us))
+        return self._pass_velocity(t_ns, autopilot_velocity(velocity, newest_us))
 
-    def _tell_velocity(self, t_ns: int, fix: VelocityFix | None) -> list[Effect]:
+    def _pass_velocity(self, t_ns: int, fix: VelocityFix | None) -> list[Effect]:
         if fix is None or not self._fixes.allows(t_ns):
             return []
         self._estimation.use_velocity(fix)

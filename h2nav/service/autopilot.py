@@ -98,7 +98,7 @@ class Candidates:
         self._counts = bytearray(ADDRESSES)
         self._last_ns = array("q", bytes(8 * ADDRESSES))
 
-    def hears(self, t_ns: int, sender: Sender) -> int:
+    def take(self, t_ns: int, sender: Sender) -> int:
         """Counts a heartbeat; returns how many came without a long pause (at most 255)."""
         place = sender[0] << 8 | sender[1]
         count, pause_ns = self._counts[place], t_ns - self._last_ns[place]
@@ -141,13 +141,13 @@ class Autopilot:
         """Whether it is disarmed, or reported as landed."""
         return not self._armed.value or self._landed.value is True
 
-    def hears_heartbeat(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
+    def take_heartbeat(self, t_ns: int, sender: Sender, heartbeat: Heartbeat) -> Heard:
         """Takes a HEARTBEAT of any sender."""
         if not heartbeat.is_of_autopilot or 0 in sender:
             return Heard.NOTHING
-        count = self._candidates.hears(t_ns, sender)
+        count = self._candidates.take(t_ns, sender)
         if self.owns(sender):
-            return self._hears_own(t_ns, heartbeat, count)
+            return self._take_own(t_ns, heartbeat, count)
         if not self.accepts(sender):
             return Heard.RIVAL if count >= CONFIRMING_HEARTBEATS else Heard.NOTHING
         if self.identity is None:
@@ -160,9 +160,9 @@ class Autopilot:
         """Notes an IMU message of the bound autopilot."""
         self._has_imu = True
 
-    def hears_landed_state(self, t_ns: int, on_ground: bool | None) -> None:
+    def take_landed_state(self, t_ns: int, on_ground: bool | None) -> None:
         """Takes EXTENDED_SYS_STATE."""
-        self._landed.hears(t_ns, on_ground)
+        self._landed.take(t_ns, on_ground)
 
     def accepts(self, sender: Sender) -> bool:
         """Whether the settings allow this address; 0 is the broadcast id, never a sender."""
@@ -180,12 +180,12 @@ class Autopilot:
         """Whether no autopilot is bound, or the bound one has been silent for long."""
         return self.identity is None or t_ns - self._heard_ns > GIVEN_UP_NS
 
-    def _hears_own(self, t_ns: int, heartbeat: Heartbeat, count: int) -> Heard:
+    def _take_own(self, t_ns: int, heartbeat: Heartbeat, count: int) -> Heard:
         assert self.identity is not None
         self._heard_ns = t_ns
-        self._armed.hears(t_ns, heartbeat.is_armed)
+        self._armed.take(t_ns, heartbeat.is_armed)
         self.is_confirmed |= self._has_imu and count >= CONFIRMING_HEARTBEATS
-        if self._kind.hears(t_ns, (heartbeat.autopilot, heartbeat.vehicle_type)):
+        if self._kind.take(t_ns, (heartbeat.autopilot, heartbeat.vehicle_type)):
             self.identity = Identity(*self.identity.address, *self._kind.value)
             return Heard.BOUND
         return Heard.NOTHING

@@ -9,7 +9,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item, Preflight
 from h2nav.service.effects import Effect
 from h2nav.service.limits import SECOND_NS
-from h2nav.service.notices import Tell
+from h2nav.service.notices import Report
 from h2nav.wire import outbound
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.outbound import Address, OutMessage
@@ -24,8 +24,8 @@ LOOK_NS = SECOND_NS
 class BeforeArming:
     """Checks the vehicle while it is disarmed; commands nothing."""
 
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
+    def __init__(self, report: Report) -> None:
+        self._report = report
         self._preflight = Preflight()
         self._since_ns: dict[tuple[Item, str], int] = {}
         self._looked_ns = 0
@@ -102,5 +102,5 @@ class BeforeArming:
         effects: list[Effect] = []
         for fault in lasting:
             cause = f"preflight {fault.item} {fault.sensor}"
-            effects += self._tell(t_ns, Severity.WARNING, f"before arming: {fault.text}", cause)
+            effects += self._report(t_ns, Severity.WARNING, f"before arming: {fault.text}", cause)
         return effects

@@ -52,7 +52,7 @@ class Comparing:
 
     def __init__(self) -> None:
         self.witness = Witness()
-        self._told: dict[AttitudeSource, LatestReport] = {}
+        self._reports: dict[AttitudeSource, LatestReport] = {}
         self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
 
     def heeds(self, t_ns: int, message_id: int) -> bool:
@@ -68,18 +68,18 @@ class Comparing:
         found = self.witness.add(sample, estimate)
         return _records(found) if found else []
 
-    def told(self, t_ns: int) -> LatestReport | None:
+    def latest(self, t_ns: int) -> LatestReport | None:
         """The autopilot's newest attitude, preferably of its main estimator; None if stale."""
         for source in (AttitudeSource.AUTOPILOT, AttitudeSource.AHRS2):
-            told = self._told.get(source)
-            if told is not None and t_ns - told.t_ns <= STALE_NS:
-                return told
+            latest = self._reports.get(source)
+            if latest is not None and t_ns - latest.t_ns <= STALE_NS:
+                return latest
         return None
 
     def on_report(self, t_ns: int, reported: ReportedAttitude) -> list[Effect]:
         """Takes an attitude of the autopilot."""
         source = AttitudeSource.AHRS2 if reported.is_second else AttitudeSource.AUTOPILOT
-        self._told[source] = LatestReport(t_ns, source, reported.q_nb)
+        self._reports[source] = LatestReport(t_ns, source, reported.q_nb)
         return _records(self.witness.report(source, reported.time_ms, reported.q_nb))
 
 

@@ -240,12 +240,12 @@ class Estimation:
             if step.sample is not None:
                 steps[lane.imu] = step
                 self._before_arming.on_sample(lane.imu, t_ns, step.sample)
-        told = ""
+        switched = ""
         if self._twins:
             self._find_twins(t_ns)
             if t_ns - self._looked_ns >= LOOK_NS:
-                told = self._look(t_ns)
-        return self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), told)
+                switched = self._look(t_ns)
+        return self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), switched)
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a rejected reading for which `considers` was True."""
@@ -285,9 +285,9 @@ class Estimation:
         level_m_s2 = max(vibration.levels) if self._is_ardupilot else 0.0
         self._shaking.take(t_ns, level_m_s2, vibration.clips)
 
-    def hears(self, parameter: ParameterValue) -> bool:
+    def take_parameter(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; returns whether it changed the sensors' delays."""
-        changed = [lane.timing.hears(parameter) for lane in self._lanes]
+        changed = [lane.timing.take_parameter(parameter) for lane in self._lanes]
         return any(changed)
 
     # --- which lane is sent -------------------------------------------------------------------

@@ -48,7 +48,7 @@ class FieldSource:
         """Whether the field of `CALIBRATED_ID` is needed besides the chosen message."""
         return chosen is not None and self._may_borrow(chosen)
 
-    def hears(self, t_ns: int, field: Vec3 | None) -> None:
+    def take_field(self, t_ns: int, field: Vec3 | None) -> None:
         """Takes the field of a needed message; None if it has no new one."""
         if field is not None:
             self._waiting, self._heard_ns = field, t_ns

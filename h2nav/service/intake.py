@@ -119,7 +119,7 @@ class Intake:
             goes_on: time of the newest sample that was sent and of its arrival, us and host ns.
         """
         if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
-            self._fields.hears(t_ns, reading.m_b_ut)
+            self._fields.take_field(t_ns, reading.m_b_ut)
             return FIELD_ONLY
         self._choice.takes(message_id, t_ns)
         verdict, t_us = self._clock_for(message_id, goes_on).advance(t_ns, reading.time)

@@ -10,7 +10,7 @@ from h2nav.integrity.findings import Alarm, Finding, Findings
 from h2nav.service.effects import Effect, Found
 from h2nav.service.health import Objection
 from h2nav.service.limits import SECOND_NS
-from h2nav.service.notices import Tell
+from h2nav.service.notices import Report
 
 PERIOD_NS = SECOND_NS // 5
 # After a pause of this length, earlier alarms no longer hold.
@@ -32,8 +32,8 @@ class Judgement:
         judged: the sources; each kind and source comes from one of them only.
     """
 
-    def __init__(self, tell: Tell, *judged: Judged) -> None:
-        self._tell = tell
+    def __init__(self, report: Report, *judged: Judged) -> None:
+        self._report = report
         self._judged = judged
         self._findings = Findings()
         self._start_ns: int | None = None
@@ -59,7 +59,7 @@ class Judgement:
     def objections(self) -> tuple[Objection, ...]:
         """Faults that make the attitude that is sent untrustworthy."""
         wrong = (alarm for alarm in self._findings.alarms if alarm.degrades)
-        return tuple(Objection(alarm.cause, alarm.told) for alarm in wrong)
+        return tuple(Objection(alarm.cause, alarm.notice) for alarm in wrong)
 
     def look(self, t_ns: int) -> list[Effect]:
         """Called at a message; reports changes since the last call."""
@@ -78,5 +78,5 @@ class Judgement:
         effects: list[Effect] = [Found(phase, finding) for phase, finding in news]
         for alarm in begun:
             if not alarm.degrades:  # the state reports those that do
-                effects += self._tell(t_ns, alarm.severity, alarm.told, alarm.cause)
+                effects += self._report(t_ns, alarm.severity, alarm.notice, alarm.cause)
         return effects

@@ -49,7 +49,7 @@ class Steady(Generic[T]):
         self._since_ns = 0
         self._heard = 0
 
-    def hears(self, t_ns: int, value: T) -> bool:
+    def take(self, t_ns: int, value: T) -> bool:
         """Takes a received value; returns True if it becomes the value."""
         if self._same(value, self.value):
             self._pending = None
@@ -76,7 +76,7 @@ class Slow(Generic[T]):
         self._hold_ns = hold_ns
         self._changed_ns: int | None = None
 
-    def hears(self, t_ns: int, value: T) -> None:
+    def take(self, t_ns: int, value: T) -> None:
         """Takes a received value; ignores one too soon after a change."""
         if value == self.value:
             return

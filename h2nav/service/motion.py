@@ -14,7 +14,7 @@ from h2nav.service.motion_output import OdometryOut
 from h2nav.service.motion_source import MotionSource
 from h2nav.service.motion_twist import TwistMotion
 from h2nav.service.motion_wheels import WheelMotion
-from h2nav.service.notices import Tell
+from h2nav.service.notices import Report
 from h2nav.service.outputs import Outputs
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.wished_stream import Wish
@@ -82,7 +82,7 @@ def motion_for(
     settings: ServiceSettings,
     autopilot: Autopilot,
     outputs: Outputs,
-    tell: Tell,
+    report: Report,
     unix_offset_ns: int,
 ) -> MotionEstimation:
     """Creates the estimator that the settings select.
@@ -96,10 +96,10 @@ def motion_for(
     motion, own_id = settings.motion, settings.output.component_id
     if motion.estimator == "twist":
         source = MotionSource(autopilot, own_id, motion.pose_component_id)
-        out = OdometryOut(autopilot, outputs, "poses", tell)
+        out = OdometryOut(autopilot, outputs, "poses", report)
         return TwistMotion(settings.twist, motion.pose_message, source, out, unix_offset_ns)
     if motion.estimator == "wheels":
-        out = OdometryOut(autopilot, outputs, "wheel distances", tell)
+        out = OdometryOut(autopilot, outputs, "wheel distances", report)
         rate_hz = motion.wheel_distance_rate_hz
         source = MotionSource(autopilot, own_id)
         return WheelMotion(settings.odometry, rate_hz, source, out, unix_offset_ns)

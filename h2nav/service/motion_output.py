@@ -6,7 +6,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record, Send
 from h2nav.service.motion_records import odometry_line
-from h2nav.service.notices import Tell
+from h2nav.service.notices import Report
 from h2nav.service.outputs import Outputs, SentMotion
 
 # An estimate from an older measurement is not sent.
@@ -24,9 +24,9 @@ class RefusalStreak:
         what: is rejected, such as ``poses``.
     """
 
-    def __init__(self, what: str, tell: Tell) -> None:
+    def __init__(self, what: str, report: Report) -> None:
         self._what = what
-        self._tell = tell
+        self._report = report
         self._in_a_row = 0
 
     def good(self) -> None:
@@ -39,7 +39,7 @@ class RefusalStreak:
         if self._in_a_row != REFUSED_IN_A_ROW:
             return []
         text = f"{self._what} refused: {reason}"
-        return self._tell(t_ns, Severity.WARNING, text)
+        return self._report(t_ns, Severity.WARNING, text)
 
 
 class OdometryOut:
@@ -53,15 +53,15 @@ class OdometryOut:
         source: of the estimates, such as ``poses``.
     """
 
-    def __init__(self, autopilot: Autopilot, outputs: Outputs, source: str, tell: Tell) -> None:
+    def __init__(self, autopilot: Autopilot, outputs: Outputs, source: str, report: Report) -> None:
         self._autopilot = autopilot
         self._outputs = outputs
         self._source = source
-        self._tell = tell
+        self._report = report
         self._reset_counter = 0
         self._is_fresh = False
         self._put_ns = 0
-        self.refusals = RefusalStreak(source, tell)
+        self.refusals = RefusalStreak(source, report)
 
     def put(self, t_ns: int, motion: SentMotion) -> list[Effect]:
         """Takes a fresh, finite estimate: sends and logs it if it is due."""
@@ -77,12 +77,12 @@ class OdometryOut:
         resets = motion.record.reset_counter
         if resets != self._reset_counter:
             self._reset_counter = resets
-            effects += self._tell(
+            effects += self._report(
                 t_ns, Severity.NOTICE, f"odometry reset, number {resets}", "odometry"
             )
         if not self._is_fresh:
             self._is_fresh = True
-            effects += self._tell(t_ns, Severity.INFO, f"odometry from {self._source}")
+            effects += self._report(t_ns, Severity.INFO, f"odometry from {self._source}")
         return effects
 
     def nothing(self, t_ns: int) -> list[Effect]:
@@ -92,7 +92,7 @@ class OdometryOut:
             return []
         self._is_fresh = False
         text = f"no ODOMETRY: no {self._source}"
-        return self._tell(t_ns, Severity.WARNING, text)
+        return self._report(t_ns, Severity.WARNING, text)
 
 
 def is_finite(motion: SentMotion) -> bool:

@@ -26,8 +26,8 @@ NOTICES_PER_S = 0.3
 NOTICES_AT_ONCE = 15
 
 
-class Tell(Protocol):
-    """Reports notices, as `Notices.tell` does."""
+class Report(Protocol):
+    """Reports notices, as `Notices.report` does."""
 
     def __call__(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
         """See there."""
@@ -42,30 +42,30 @@ class Notices:
 
     def __init__(self, as_status_text: bool) -> None:
         self._as_status_text = as_status_text
-        self._told_ns: OrderedDict[str, int] = OrderedDict()
+        self._reported_ns: OrderedDict[str, int] = OrderedDict()
         self._limit = RateLimit(NOTICES_PER_S, NOTICES_AT_ONCE)
         self._waiting: deque[tuple[Severity, str]] = deque(maxlen=WAITING)
         self._sent_ns: int | None = None
         self._text_id = 0
 
-    def may_tell(self, t_ns: int, cause: str) -> bool:
+    def may_report(self, t_ns: int, cause: str) -> bool:
         """Whether this cause may be reported again."""
-        told_ns = self._told_ns.get(cause)
-        return told_ns is None or t_ns - told_ns >= REPEAT_NS
+        reported_ns = self._reported_ns.get(cause)
+        return reported_ns is None or t_ns - reported_ns >= REPEAT_NS
 
-    def tell(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
+    def report(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
         """Returns the notice, unless its cause has been reported within the last minute.
 
         Args:
             cause: identifies the notice if the text holds changing figures; default: the text.
         """
         cause = cause or text
-        if not self.may_tell(t_ns, cause) or not self._limit.allows(t_ns):
+        if not self.may_report(t_ns, cause) or not self._limit.allows(t_ns):
             return []
-        self._told_ns[cause] = t_ns
-        self._told_ns.move_to_end(cause)
-        if len(self._told_ns) > MOST_CAUSES:
-            self._told_ns.popitem(last=False)
+        self._reported_ns[cause] = t_ns
+        self._reported_ns.move_to_end(cause)
+        if len(self._reported_ns) > MOST_CAUSES:
+            self._reported_ns.popitem(last=False)
         if self._as_status_text:
             self._waiting.append((severity, text))
         return [Notice(severity, text)]

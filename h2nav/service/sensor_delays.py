@@ -83,7 +83,7 @@ class SensorTiming:
         is_asked = self._identity.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         return GYRO_FILTER if is_asked and self._settings.gyro_delay_s == "auto" else ""
 
-    def hears(self, parameter: ParameterValue) -> bool:
+    def take_parameter(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; returns whether it changed an age."""
         if parameter.name != self.parameter or parameter.value is None:
             return False

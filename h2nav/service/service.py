@@ -123,7 +123,7 @@ class Service:
         self._settings = settings
         self._autopilot = Autopilot(settings.autopilot, settings.output.component_id)
         self._notices = Notices(settings.output.status_text)
-        self._before_arming = BeforeArming(self._notices.tell)
+        self._before_arming = BeforeArming(self._notices.report)
         self._estimation = Estimation(
             surroundings.filter_for, settings.autopilot, self._before_arming
         )
@@ -134,7 +134,7 @@ class Service:
             has_listener=surroundings.has_listener,
         )
         self._comparing = Comparing()
-        self._judgement = Judgement(self._notices.tell, self._estimation, self._comparing.witness)
+        self._judgement = Judgement(self._notices.report, self._estimation, self._comparing.witness)
         self._lateness = Lateness()
         self._aiding = Aiding(
             settings.aiding,
@@ -147,7 +147,7 @@ class Service:
             settings,
             self._autopilot,
             self._outputs,
-            self._notices.tell,
+            self._notices.report,
             surroundings.unix_offset_ns,
         )
         self.time_sync = TimeSync()
@@ -160,7 +160,7 @@ class Service:
         self._link_error: str | None = ""
         self._bytes_are_junk = False
         self._link_trouble = ""
-        self._told_dependent = False
+        self._dependence_is_reported = False
         self._pulse = Pulse()
         self._standing = Standing(self._notices)
         self._stations = GroundStations()
@@ -226,7 +226,7 @@ class Service:
             self._standing.verdict,
             self.bound_to,
             self._pulse.sample_ns,
-            self._comparing.told(t_ns),
+            self._comparing.latest(t_ns),
             self._assessment(),
         )._replace(open_findings=" ".join(finding.id for finding in self._judgement.open))
 
@@ -272,7 +272,7 @@ class Service:
         link_error = None if is_up else error
         effects: list[Effect] = []
         if is_up and self._link_error is None and error != self._link_trouble:
-            effects += self._notices.tell(t_ns, Severity.WARNING, error)
+            effects += self._notices.report(t_ns, Severity.WARNING, error)
         self._link_trouble = error
         if link_error == self._link_error:
             return effects
@@ -373,7 +373,7 @@ class Service:
 
     def on_note(self, t_ns: int, said: Notice) -> list[Effect]:
         """Takes an event from outside the service, such as trouble with the log."""
-        return self._notices.tell(t_ns, said.severity, said.text, said.cause)
+        return self._notices.report(t_ns, said.severity, said.text, said.cause)
 
     def on_fault(self, t_ns: int, where: str, what: str) -> list[Effect]:
         """Counts and reports an exception of a handler; the daemon continues.
@@ -385,7 +385,7 @@ class Service:
         reason = f"handler_error:{where}"
         self._refused[reason] += 1
         text = f"fault in h2nav at {where}: {what}; please report it"
-        return self._notices.tell(t_ns, Severity.ERROR, text, reason)
+        return self._notices.report(t_ns, Severity.ERROR, text, reason)
 
     def on_stall(self, t_ns: int, length_ns: int) -> list[Effect]:
         """Notes a stall of the program: silence meanwhile says nothing about others."""
@@ -415,7 +415,7 @@ class Service:
     def _on_heartbeat(self, envelope: Envelope, message: Heartbeat) -> list[Effect]:
         t_ns, now_ns, sender, _ = envelope
         effects: list[Effect] = []
-        heard = self._autopilot.hears_heartbeat(t_ns, sender, message)
+        heard = self._autopilot.take_heartbeat(t_ns, sender, message)
         if self._autopilot.owns(sender):
             self._pulse.heartbeat(now_ns)
             self._before_arming.armed(self._autopilot.is_armed)
@@ -423,17 +423,17 @@ class Service:
             effects += self._on_binding(t_ns)
         elif heard is Heard.RIVAL:
             text = f"another autopilot {sender[0]}/{sender[1]} on this link"
-            effects += self._notices.tell(t_ns, Severity.WARNING, text, "rival")
+            effects += self._notices.report(t_ns, Severity.WARNING, text, "rival")
         if self._streams is not None and self._autopilot.owns(sender):
             self._streams.heard(t_ns)
         if message.is_of_ground_station and self._stations.is_newcomer(t_ns, sender):
             self._notices.remind(self._what_is_wrong())
-        return effects + self._aiding.tell_vehicle(t_ns)
+        return effects + self._aiding.pass_vehicle(t_ns)
 
     def _what_is_wrong(self) -> list[tuple[Severity, str]]:
         """For a new ground station: the state, and the worst of the rest."""
         rest = [alarm for alarm in self._judgement.alarms if not alarm.degrades]
-        texts = [(alarm.severity, alarm.told) for alarm in sorted(rest, key=lambda a: a.severity)]
+        texts = [(alarm.severity, alarm.notice) for alarm in sorted(rest, key=lambda a: a.severity)]
         return [*self._standing.complaint, *texts]
 
     def _on_binding(self, t_ns: int) -> list[Effect]:
@@ -451,7 +451,7 @@ class Service:
         self._bound_address = identity.address
         self._idle_until_ns.clear()
         self._parameter = ParameterRequest(self._estimation.timing.parameter)
-        bound = self._notices.tell(t_ns, Severity.INFO, f"bound to {identity.description}")
+        bound = self._notices.report(t_ns, Severity.INFO, f"bound to {identity.description}")
         return [*bound, self._delays_record()]
 
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
@@ -461,7 +461,7 @@ class Service:
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         if outcome.switched:
-            effects += self._notices.tell(t_ns, Severity.WARNING, outcome.switched)
+            effects += self._notices.report(t_ns, Severity.WARNING, outcome.switched)
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects
@@ -496,7 +496,7 @@ class Service:
         complained = bool(self._units.complaints)
         if (self._autopilot.on_ground or complained) and self._units.add(sample):
             for quantity, text in self._units.complaints:
-                effects += self._notices.tell(t_ns, Severity.ERROR, text, f"units {quantity}")
+                effects += self._notices.report(t_ns, Severity.ERROR, text, f"units {quantity}")
         return effects
 
     def _on_new_epoch(self, t_ns: int, event: TimeVerdict) -> list[Effect]:
@@ -506,7 +506,7 @@ class Service:
         self._parameter.restart()
         rebooted = event is TimeVerdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
-        return self._notices.tell(t_ns, Severity.WARNING, text)
+        return self._notices.report(t_ns, Severity.WARNING, text)
 
     def _start_over(self) -> None:
         """Forgets what refers to the clock of another autopilot, or to this one's former clock."""
@@ -551,12 +551,12 @@ class Service:
 
     def _on_parameter(self, t_ns: int, parameter: ParameterValue) -> list[Effect]:
         self._parameter.heard(parameter.name)
-        if not self._estimation.hears(parameter):
+        if not self._estimation.take_parameter(parameter):
             return []
         late_ms = 1e3 * (self._estimation.timing.ages().rates_s or 0.0)
         text = f"{parameter.name} {parameter.value:g} Hz: rates {late_ms:.1f} ms late"
-        told = self._notices.tell(t_ns, Severity.INFO, text, parameter.name)
-        return [*told, self._delays_record()]
+        reported = self._notices.report(t_ns, Severity.INFO, text, parameter.name)
+        return [*reported, self._delays_record()]
 
     def _delays_record(self) -> Record:
         rates_s, field_s = self._estimation.timing.ages()
@@ -641,8 +641,8 @@ class Service:
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
         for notice in self._streams.notices() if self._streams else ():
-            effects += self._notices.tell(t_ns, notice.severity, notice.text)
-        return effects + self._tell_dependence(t_ns)
+            effects += self._notices.report(t_ns, notice.severity, notice.text)
+        return effects + self._report_dependence(t_ns)
 
     # --- the rest -----------------------------------------------------------------------------
 
@@ -721,20 +721,20 @@ class Service:
     def _judge(self, t_ns: int) -> list[Effect]:
         """Judges the state; a change of it, or of its cause, is logged and reported."""
         has_changed = self._standing.judge(t_ns, self._signs(t_ns))
-        told = self._standing.tell(t_ns, is_starting=self._pulse.is_starting(t_ns))
+        reported = self._standing.report(t_ns, is_starting=self._pulse.is_starting(t_ns))
         if not has_changed:
-            return told
+            return reported
         if self._standing.verdict.state not in (ServiceState.ACTIVE, ServiceState.DEGRADED):
             self._outputs.forget()
-        return [*told, Record("/health", self.health)]
+        return [*reported, Record("/health", self.health)]
 
-    def _tell_dependence(self, t_ns: int) -> list[Effect]:
-        if self._told_dependent or self._estimation.is_independent:
+    def _report_dependence(self, t_ns: int) -> list[Effect]:
+        if self._dependence_is_reported or self._estimation.is_independent:
             return []
-        self._told_dependent = True
+        self._dependence_is_reported = True
         source = self._estimation.dependent_source
         text = f"not independent: {source} holds the autopilot's own estimate"
-        return self._notices.tell(t_ns, Severity.NOTICE, text)
+        return self._notices.report(t_ns, Severity.NOTICE, text)
 
     def _send(self, message: OutMessage) -> Send:
         return Send(message, self.system_id)

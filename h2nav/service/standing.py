@@ -21,7 +21,7 @@ class Standing:
 
     def __init__(self, notices: Notices) -> None:
         self._notices = notices
-        self._told = health.AT_START[:2]
+        self._reported = health.AT_START[:2]
         self.verdict: StateVerdict = health.AT_START
         self.lasted_ns: dict[str, int] = {}
         self._judged_ns: int | None = None
@@ -45,20 +45,20 @@ class Standing:
         self._judged_ns = t_ns
         return self.verdict[:2] != before[:2]
 
-    def tell(self, t_ns: int, *, is_starting: bool) -> list[Effect]:
+    def report(self, t_ns: int, *, is_starting: bool) -> list[Effect]:
         """Reports what has not been reported yet.
 
         Args:
             is_starting: a lack of samples is not worth a report yet.
         """
         verdict = self.verdict
-        if verdict[:2] == self._told or (is_starting and verdict.state is ServiceState.NO_IMU):
+        if verdict[:2] == self._reported or (is_starting and verdict.state is ServiceState.NO_IMU):
             return []
-        change = f"{self._told} -> {verdict[:2]}"
-        if not self._notices.may_tell(t_ns, change):
+        change = f"{self._reported} -> {verdict[:2]}"
+        if not self._notices.may_report(t_ns, change):
             return []
         severity = Severity.INFO if verdict.state in GOOD else Severity.WARNING
-        told = self._notices.tell(t_ns, severity, verdict.text, change)
-        if told:
-            self._told = verdict[:2]
-        return told
+        reported = self._notices.report(t_ns, severity, verdict.text, change)
+        if reported:
+            self._reported = verdict[:2]
+        return reported

@@ -15,7 +15,7 @@ def status_record(
     verdict: StateVerdict,
     vehicle: str,
     sample_ns: int | None,
-    told: LatestReport | None,
+    reported: LatestReport | None,
     assessment: Assessment,
 ) -> StatusRecord:
     """The record of a moment.
@@ -23,10 +23,10 @@ def status_record(
     Args:
         vehicle: bound autopilot, for people.
         sample_ns: host time of the newest sample used; None before the first.
-        told: the autopilot's own attitude; None if stale.
+        reported: the autopilot's own attitude; None if stale.
     """
     difference, ratios = assessment.difference, assessment.ratios
-    w, x, y, z = (None, None, None, None) if told is None else told.q_nb
+    w, x, y, z = (None, None, None, None) if reported is None else reported.q_nb
     return StatusRecord(
         verdict.state.value,
         verdict.reason,
@@ -36,8 +36,8 @@ def status_record(
         x,
         y,
         z,
-        "" if told is None else told.source.value,
-        None if told is None else _age_ms(t_ns, told.t_ns),
+        "" if reported is None else reported.source.value,
+        None if reported is None else _age_ms(t_ns, reported.t_ns),
         difference and math.degrees(difference.tilt_rad),
         difference and math.degrees(difference.heading_rad),
         difference and math.degrees(difference.sigma_tilt_rad),
@@ -48,7 +48,7 @@ def status_record(
         ratios.force_10s,
         ratios.of_field,
         ratios.of_turn,
-        "\n".join(alarm.told for alarm in assessment.alarms),
+        "\n".join(alarm.notice for alarm in assessment.alarms),
         preflight="\n".join(fault.text for fault in assessment.on_ground.faults),
     )
 

@@ -77,7 +77,7 @@ class StreamRequests:
         self._heard_ns: int | None = None
         self._asked_ns: deque[int] = deque(maxlen=MOST_PER_MINUTE)
         self._unknown_ids: set[int] = set()
-        self._told_ns: dict[tuple[int, Trouble, float], int] = {}
+        self._reported_ns: dict[tuple[int, Trouble, float], int] = {}
         self._notices: list[Notice] = []
         self._held_hz: dict[int, float] = {}
         self._noted_ns = 0
@@ -86,7 +86,7 @@ class StreamRequests:
         self._unanswered = 0
         self._listening_since_ns: int | None = None
         self._most_hz = math.inf
-        self._blames_until_ns = 0
+        self._spared_until_ns = 0
         self._complete_ns = 0
 
     def restart(self) -> None:
@@ -163,15 +163,15 @@ class StreamRequests:
             if trouble is not None and stream.wish.is_optional:
                 if trouble is not Trouble.CUT or not stream.is_enough(self._needed[0].rate_hz):
                     stream.give_up(t_ns)
-            elif trouble is not None and self._unanswered == 0 and t_ns >= self._blames_until_ns:
-                self._tell(t_ns, stream, trouble)
+            elif trouble is not None and self._unanswered == 0 and t_ns >= self._spared_until_ns:
+                self._report(t_ns, stream, trouble)
         self._spare_the_needed(t_ns)
 
     def _spare_the_needed(self, t_ns: int) -> None:
         """Gives up an optional stream, which may be why a needed one does not come."""
         asked = [s for s in self._streams if s.wish.is_optional and not s.is_untouched]
         if asked:
-            self._blames_until_ns = t_ns + SPARED_NS
+            self._spared_until_ns = t_ns + SPARED_NS
         needed = self._needed
         if needed[0].phase is StreamPhase.HELD and not any(stream.is_short for stream in needed):
             self._complete_ns = t_ns
@@ -272,7 +272,7 @@ class StreamRequests:
             is_unknown = is_px4 or stream.message_id in self._unknown_ids
             trouble = stream.refused(t_ns, is_unknown)
             if trouble is not None and not stream.wish.is_optional:
-                self._tell(t_ns, stream, trouble)
+                self._report(t_ns, stream, trouble)
         elif stream.since_ns is not None and t_ns - stream.since_ns < ACK_WAIT_NS:
             return True
         elif stream.phase is not StreamPhase.GIVEN_UP:
@@ -298,7 +298,7 @@ class StreamRequests:
         elif trouble is Trouble.LOWERED:
             # A limit of one message applies to all of them.
             self._most_hz = min(self._most_hz, stream.rate_hz)
-            self._tell(t_ns, stream, trouble)
+            self._report(t_ns, stream, trouble)
 
     def _note_held(self, t_ns: int) -> None:
         if t_ns - self._noted_ns < SECOND_NS:
@@ -310,14 +310,14 @@ class StreamRequests:
                 if hz is not None:
                     self._held_hz[message_id] = max(hz, self._held_hz.get(message_id, 0.0))
 
-    def _tell(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
+    def _report(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
         """Notes a trouble, once; a reduced rate, once in ten minutes."""
         rate_hz = stream.rate_hz if trouble is Trouble.LOWERED else 0.0
         key = (stream.message_id, trouble, rate_hz)
-        told_ns = self._told_ns.get(key)
+        reported_ns = self._reported_ns.get(key)
         repeats = trouble is Trouble.TAKEN
-        if told_ns is None or (repeats and t_ns - told_ns >= REPEAT_NS):
-            self._told_ns[key] = t_ns
+        if reported_ns is None or (repeats and t_ns - reported_ns >= REPEAT_NS):
+            self._reported_ns[key] = t_ns
             self._notices.append(Notice(Severity.WARNING, self._text(stream, trouble)))
 
     def _text(self, stream: WishedStream, trouble: Trouble) -> str:

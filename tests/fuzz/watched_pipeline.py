@@ -81,7 +81,7 @@ class WatchedPipeline:
         self.slowest_s = 0.0
         self.told = 0
         self.most_told = 0
-        self._told_ns: deque[int] = deque()
+        self._reported_ns: deque[int] = deque()
 
     @property
     def is_active(self) -> bool:
@@ -151,10 +151,10 @@ class WatchedPipeline:
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:
         """A notice is one readable line."""
         self.told += 1
-        self._told_ns.append(t_ns)
-        while self._told_ns[0] < t_ns - MINUTE_NS:
-            self._told_ns.popleft()
-        self.most_told = max(self.most_told, len(self._told_ns))
+        self._reported_ns.append(t_ns)
+        while self._reported_ns[0] < t_ns - MINUTE_NS:
+            self._reported_ns.popleft()
+        self.most_told = max(self.most_told, len(self._reported_ns))
         if not text.isprintable():
             raise InvariantBrokenError(f"a notice is not readable: {text!r}")
 

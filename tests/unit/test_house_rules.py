@@ -21,7 +21,7 @@ KERNEL_RECORDS = {"State", "Workspace", "Gains", "Sample"}
 FACE = "h2nav/library/"
 
 # Fields that are meant for people.
-TEXTS = {"text", "evidence", "told", "reason", "remark", "source_text"}
+TEXTS = {"text", "evidence", "notice", "reason", "remark", "source_text"}
 PARSERS = {"startswith", "endswith", "split", "partition", "rpartition", "find", "index", "replace"}
 # Texts of autopilots and of a simulator's events say what nothing else of theirs does.
 OF_OTHERS = {"said", "event"}
@@ -100,7 +100,7 @@ def is_parsed(node: ast.AST) -> bool:
 
 
 def test_the_rule_sees_a_text_that_is_parsed() -> None:
-    parsed = ("a.text.split()", "'IMU' in a.evidence", "re.sub('x', '#', a.reason)", "a.told[:5]")
+    parsed = ("a.text.split()", "'IMU' in a.evidence", "re.sub('x', '#', a.reason)", "a.notice[:5]")
     for expression in parsed:
         assert is_parsed(ast.parse(expression, mode="eval").body), expression
     for expression in ("a.text + b", "write(a.text)", "a.cause.split()", "a.text in seen"):

@@ -69,8 +69,8 @@ def of_track(track: PoseTrack, model: str, source: str) -> Increments:
             f"expected at least {MIN_INCREMENTS} of {INCREMENT_S} s on one clock"
         )
     ways, motion = zip(*pairs, strict=True)
-    told = f"{len(pairs)} increments of {source}"
-    return Increments(model, np.array(ways), np.array(motion), told, track)
+    text = f"{len(pairs)} increments of {source}"
+    return Increments(model, np.array(ways), np.array(motion), text, track)
 
 
 def drive(track: PoseTrack, settings: OdometrySettings) -> Drive | None:

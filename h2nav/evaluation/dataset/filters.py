@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from h2nav.attitude import alignment, batch, native
-from h2nav.attitude.filter import AttitudeFilter, tell
+from h2nav.attitude.filter import AttitudeFilter, pass_on
 from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.lead import led
 from h2nav.attitude.samples import (
@@ -127,13 +127,13 @@ def _at_cruise(gains: VelocityAidedGains, conditions: Conditions) -> VelocityAid
 
 def _run(trial: Trial, conditions: Conditions, chosen: AttitudeFilter) -> FilterTrack:
     """Runs a filter of h2nav in the fastest way that records what is wanted."""
-    told = _told(trial, conditions)
+    inputs = _inputs(trial, conditions)
     is_plain = trial.clipped is None and not conditions.shows_insides
     special = (VelocityFix, SensorDelays)  # batches take no fixes, and propagate no attitude
-    is_plain = is_plain and not any(isinstance(each.what, special) for each in told)
+    is_plain = is_plain and not any(isinstance(each.what, special) for each in inputs)
     if is_plain and _is_compiled(chosen):
-        return _run_batch(trial, told, chosen)
-    return _run_samples(trial, told, chosen)
+        return _run_batch(trial, inputs, chosen)
+    return _run_samples(trial, inputs, chosen)
 
 
 def _is_compiled(chosen: AttitudeFilter) -> bool:
@@ -145,16 +145,16 @@ def _backend_of_samples(chosen: AttitudeFilter) -> str:
     return "native, called per sample" if _is_compiled(chosen) else "python"
 
 
-def _run_batch(trial: Trial, told: Sequence[FilterInput], chosen: AttitudeFilter) -> FilterTrack:
+def _run_batch(trial: Trial, inputs: Sequence[FilterInput], chosen: AttitudeFilter) -> FilterTrack:
     """Runs the stretches between these records through the compiled kernel."""
     count = len(trial.t_us)
     q_nb, bias = np.empty((count, 4)), np.empty((count, 3))
-    starts = sorted({0, *(each.row for each in told if each.row < count)})
+    starts = sorted({0, *(each.row for each in inputs if each.row < count)})
     started = time.process_time()
     for start, stop in zip(starts, [*starts[1:], count], strict=True):
-        for each in told:
+        for each in inputs:
             if each.row == start:
-                tell(chosen, each.what)
+                pass_on(chosen, each.what)
         rows = slice(start, stop)
         field = None if trial.m_s is None else trial.m_s[rows]
         # The first step of a stretch continues the trial's times.
@@ -169,18 +169,20 @@ def _run_batch(trial: Trial, told: Sequence[FilterInput], chosen: AttitudeFilter
     return FilterTrack(enu_from_ned(q_nb[latest]), us_per_sample, "native", bias[latest])
 
 
-def _run_samples(trial: Trial, told: Sequence[FilterInput], chosen: AttitudeFilter) -> FilterTrack:
+def _run_samples(
+    trial: Trial, inputs: Sequence[FilterInput], chosen: AttitudeFilter
+) -> FilterTrack:
     """Runs sample by sample, as the daemon does."""
     taken = list(samples(trial))
     estimates: list[AttitudeEstimate | None] = []
     sets: list[int] = []
-    coming = iter(told)
+    coming = iter(inputs)
     following = next(coming, None)
     late_s = 0.0
     started = time.process_time()
     for row, sample in enumerate(taken):
         while following is not None and following.row <= row:
-            tell(chosen, following.what)
+            pass_on(chosen, following.what)
             if isinstance(following.what, SensorDelays):
                 late_s = following.what.gyro_s
             following = next(coming, None)
@@ -202,7 +204,7 @@ def _run_samples(trial: Trial, told: Sequence[FilterInput], chosen: AttitudeFilt
 
 def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> FilterTrack:
     """The smoother around a filter."""
-    given = Given(list(samples(trial)), _told(trial, conditions))
+    given = Given(list(samples(trial)), _inputs(trial, conditions))
     started = time.process_time()
     estimates = smooth([given], make)[0]
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
@@ -261,31 +263,31 @@ def run_paper(trial: Trial, _: Conditions) -> FilterTrack:
     return FilterTrack(to_true_north(q_es, trial.declination_rad), us_per_sample, "python")
 
 
-def _told(trial: Trial, conditions: Conditions) -> list[FilterInput]:
+def _inputs(trial: Trial, conditions: Conditions) -> list[FilterInput]:
     """The further inputs of the filter, in order; velocities only on request.
 
     Raises:
         TaskFailed: they are requested, and the trial has none.
     """
     if not conditions.use_gps:
-        return [each for each in trial.told if not isinstance(each.what, VelocityFix)]
-    told = list(trial.told) if trial.gps is None else _fixes(trial, conditions)
-    if not any(isinstance(each.what, VelocityFix) for each in told):
+        return [each for each in trial.inputs if not isinstance(each.what, VelocityFix)]
+    inputs = list(trial.inputs) if trial.gps is None else _fixes(trial, conditions)
+    if not any(isinstance(each.what, VelocityFix) for each in inputs):
         raise TaskFailed(f"{trial.name}: no gps rows, but --gps was given")
-    return told
+    return inputs
 
 
 def _fixes(trial: Trial, conditions: Conditions) -> list[FilterInput]:
     """The trial's gps rows as velocities, courses rotated to the truth's north."""
     assert trial.gps is not None
-    told = []
+    inputs = []
     for t_s, speed, course_deg, _ in trial.gps.tolist():
         course = (course_deg - conditions.declination_deg) * DEG
         v_n = (speed * math.cos(course), speed * math.sin(course), math.nan)
         t_us = round(t_s * 1e6)
         row = int(np.searchsorted(trial.t_us, t_us))
-        told.append(FilterInput(row, VelocityFix(t_us, v_n, GPS_SIGMA_M_S)))
-    return told
+        inputs.append(FilterInput(row, VelocityFix(t_us, v_n, GPS_SIGMA_M_S)))
+    return inputs
 
 
 def to_true_north(q_es: Array, declination_rad: float) -> Array:

@@ -38,7 +38,7 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
     clipped = np.array([sample.clipped for sample in samples])
     q_es = np.full((len(samples), 4), np.nan)
     q_es[pairs.rows] = enu_from_ned(from_euler(pairs.angles))
-    known = [told.what for told in stretch.told if isinstance(told.what, EarthField)]
+    known = [given.what for given in stretch.inputs if isinstance(given.what, EarthField)]
     return Trial(
         name=path.stem,
         rate_hz=usual_rate_hz(boot_us),
@@ -51,16 +51,16 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
         heading_fixed=True,
         gps=None,
         clipped=clipped if clipped.any() else None,
-        told=tuple(_on_clock_of_trial(told, start_us) for told in stretch.told),
+        inputs=tuple(_on_clock_of_trial(given, start_us) for given in stretch.inputs),
         declination_rad=known[-1].declination_rad if known else 0.0,
         notes=tuple(_notes(listener, stretch, pairs)),
     )
 
 
-def _on_clock_of_trial(told: FilterInput, start_us: int) -> FilterInput:
-    if isinstance(told.what, VelocityFix):
-        return told._replace(what=told.what._replace(t_us=told.what.t_us - start_us))
-    return told
+def _on_clock_of_trial(given: FilterInput, start_us: int) -> FilterInput:
+    if isinstance(given.what, VelocityFix):
+        return given._replace(what=given.what._replace(t_us=given.what.t_us - start_us))
+    return given
 
 
 def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:
@@ -68,7 +68,7 @@ def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:
     notes = [f"against {pairs.reference}"] if pairs.reference else []
     if pairs.reference == "ATTITUDE":
         notes = ["against ATTITUDE, the autopilot's own estimate: no truth"]
-    if not any(isinstance(told.what, EarthField) for told in stretch.told):
+    if not any(isinstance(given.what, EarthField) for given in stretch.inputs):
         notes.append("no position, so no declination: our headings are against magnetic north")
     used = [len(found) for found in listener.stretches if len(found)]
     if len(used) > 1:

@@ -68,7 +68,7 @@ def flight_of(task: FlightTask) -> PlayedFlight:
         if share < MOST:
             notes.append(f"{name}: {1.0 - share:.0%} of the estimates have no truth near them")
     tracks |= tracks_of_autopilot(truth, autopilot)
-    events, phases, more = _told_beside(task, autopilot)
+    events, phases, more = _events_beside(task, autopilot)
     return PlayedFlight(
         name=task.name,
         truth=truth.name,
@@ -95,7 +95,7 @@ def _airborne(heard: FromAutopilot) -> tuple[tuple[float, float], ...] | None:
     )
 
 
-def _told_beside(
+def _events_beside(
     task: FlightTask, heard: FromAutopilot
 ) -> tuple[tuple[Event, ...], tuple[FlightPhase, ...], list[str]]:
     """Events and phases on the recording's clock, and remarks."""
@@ -107,8 +107,8 @@ def _told_beside(
     phases = phases_of(events) if task.phases is None else list(task.phases)
     offset_us = heard.boot_offset_us()
     if offset_us is None:
-        told = bool(events or phases)
-        notes = ["no ATTITUDE relates the events' clock to the recording's"] if told else []
+        has_events = bool(events or phases)
+        notes = ["no ATTITUDE relates the events' clock to the recording's"] if has_events else []
         return (), (), notes
     shift_s = (offset_us - heard.start_us) * 1e-6
     return (

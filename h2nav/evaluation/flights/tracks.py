@@ -30,8 +30,8 @@ def track_of(truth: Truth, heard: FromAutopilot, estimates: HeardEstimates) -> E
     rows, q_true = pairs(truth, heard, estimates)
     track = _track(estimates.q_nb[rows], q_true, _since_start_s(heard, estimates.arrived_us[rows]))
     deviations = (estimates.sigma_tilt_deg[rows], estimates.sigma_heading_deg[rows])
-    told = [sigma if np.isfinite(sigma).any() else None for sigma in deviations]
-    return track._replace(sigma_tilt=told[0], sigma_heading=told[1])
+    known = [sigma if np.isfinite(sigma).any() else None for sigma in deviations]
+    return track._replace(sigma_tilt=known[0], sigma_heading=known[1])
 
 
 def tracks_of_autopilot(truth: Truth, heard: FromAutopilot) -> dict[str, ErrorTrack]:

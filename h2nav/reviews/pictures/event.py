@@ -60,9 +60,9 @@ def _stack(flight: Flight, group: list[Finding]) -> Stack:
     rows = tuple(_part(row, window_s) for row in vehicle_rows(flight) if _changes(row, window_s))
     if rows:
         lanes.append(PictureRows("", "", rows, window_s))
-    told = ", ".join(f"{MOMENTS[one.kind]} at {one.from_s:.1f} s" for one in group)
+    title = ", ".join(f"{MOMENTS[one.kind]} at {one.from_s:.1f} s" for one in group)
     about = "Dashed violet is the demand. A brown line is the moment itself."
-    return Stack(told[:1].upper() + told[1:], about, tuple(lanes))
+    return Stack(title[:1].upper() + title[1:], about, tuple(lanes))
 
 
 def _changes(row: PictureRow, window_s: tuple[float, float]) -> bool:

@@ -187,16 +187,16 @@ def _coloured(path: _Path, view: _View, modes: list[_Mode]) -> list[str]:
         )
         from_s, to_s, up = path.t_s[first], path.t_s[last], path.up_m[first]
         mode = next((one for one in reversed(modes) if one.from_s <= from_s), None)
-        told = f"{from_s:.0f} to {to_s:.0f} s"
+        label = f"{from_s:.0f} to {to_s:.0f} s"
         if np.isfinite(up):
-            told += f", {up:+.0f} m above the first fix"
+            label += f", {up:+.0f} m above the first fix"
         if mode is not None:
-            told += f", {mode.name}"
+            label += f", {mode.name}"
         by_mode = f' data-mode="{mode.colour}"' if mode is not None else ""
         parts.append(
             f'<polyline data-track data-from="{from_s:.2f}" data-to="{to_s:.2f}"{by_mode} '
             f'fill="none" stroke="rgb({red:.0f},{green:.0f},{blue:.0f})" stroke-width="3" '
-            f'points="{view.points(path, first, last)}"><title>{escape(told)}</title></polyline>'
+            f'points="{view.points(path, first, last)}"><title>{escape(label)}</title></polyline>'
         )
     return parts
 
@@ -209,14 +209,14 @@ def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _
             continue
         place = min(int(np.searchsorted(path.t_s, t_s)), len(path.t_s) - 1)
         x, y = (float(part) for part in view.points(path, place, place).split(","))
-        told = escape(f"{text} at {t_s:.0f} s")
+        label = escape(f"{text} at {t_s:.0f} s")
         if colour == colours.IMPACT:
             shape = f'<path d="M{x - 9:.1f} {y - 9:.1f}l18 18m0 -18l-18 18" stroke="{colour}" '
-            shape += f'stroke-width="4" fill="none"><title>{told}</title></path>'
-            shape += f'<text x="{x + 13:.1f}" y="{y + 5:.1f}">{told}</text>'
+            shape += f'stroke-width="4" fill="none"><title>{label}</title></path>'
+            shape += f'<text x="{x + 13:.1f}" y="{y + 5:.1f}">{label}</text>'
         else:
             shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour}" stroke="#fff">'
-            shape += f"<title>{told}</title></circle>"
+            shape += f"<title>{label}</title></circle>"
         parts.append(shape)
     return parts
 
@@ -224,8 +224,8 @@ def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _
 def _marked(path: _Path, view: _View, findings: tuple[Finding, ...]) -> list[str]:
     """Findings that do not concern the whole flight, below the track."""
     parts = []
-    told = [one for one in findings if one.severity <= Severity.WARNING][:MOST_FINDINGS]
-    for one in told:
+    label = [one for one in findings if one.severity <= Severity.WARNING][:MOST_FINDINGS]
+    for one in label:
         if one.to_s - one.from_s > 0.8 * (path.t_s[-1] - path.t_s[0]):
             continue
         first, last = np.searchsorted(path.t_s, (one.from_s, one.to_s))
@@ -255,11 +255,11 @@ def _scale(view: _View) -> str:
     step = 10.0 ** np.floor(np.log10(most))
     length = step * max(factor for factor in (1, 2, 5) if factor * step <= most)
     right = MARGIN / 2 + length * view.per_m
-    told = f"{length:.0f} m" if length < 1000.0 else f"{length / 1000.0:.0f} km"
+    label = f"{length:.0f} m" if length < 1000.0 else f"{length / 1000.0:.0f} km"
     low = view.height - 26.0
     return (
         f'<path d="M{MARGIN / 2} {low:.1f}v8H{right:.1f}v-8" fill="none" stroke="#1a1a1a"/>'
-        f'<text x="{MARGIN / 2}" y="{low - 6.0:.1f}">{told}</text>'
+        f'<text x="{MARGIN / 2}" y="{low - 6.0:.1f}">{label}</text>'
     )
 
 
@@ -280,10 +280,10 @@ def _wind(flight: Flight) -> list[str]:
         return []
     # The air moves in this direction; pilots name the origin of the wind.
     angle = float(np.degrees(np.arctan2(east, north)))
-    told = f"wind {speed:.1f} m/s from {(angle + 180.0) % 360.0:.0f} deg"
+    label = f"wind {speed:.1f} m/s from {(angle + 180.0) % 360.0:.0f} deg"
     return [
         f'<g transform="translate(40 46) rotate({angle:.0f})"><path d="M0 22V-22l-7 12M0 -22l7 12" '
         f'fill="none" stroke="#0072b2" stroke-width="3"/></g>'
-        f'<text x="72" y="36">{escape(told)}</text>'
+        f'<text x="72" y="36">{escape(label)}</text>'
         '<text x="72" y="54">(the arrow is where the air goes)</text>'
     ]

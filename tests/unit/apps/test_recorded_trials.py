@@ -45,11 +45,11 @@ def test_times_are_the_messages_own(takeoff: Trial) -> None:
 
 
 def test_the_service_knows_field_and_velocity(takeoff: Trial) -> None:
-    whats = [told.what for told in takeoff.told]
+    whats = [told.what for told in takeoff.inputs]
     fields = [what for what in whats if isinstance(what, EarthField)]
     assert takeoff.declination_rad == fields[-1].declination_rad
     assert takeoff.declination_rad == pytest.approx(12.7 * DEG, abs=0.2 * DEG)
-    fixes = [told for told in takeoff.told if isinstance(told.what, VelocityFix)]
+    fixes = [told for told in takeoff.inputs if isinstance(told.what, VelocityFix)]
     assert len(fixes) > 100
     for told in fixes:
         assert isinstance(told.what, VelocityFix)
@@ -95,7 +95,7 @@ def test_the_same_from_our_own_log(
     again = read(log)
     assert np.array_equal(again.t_us, takeoff.t_us)
     assert np.array_equal(again.w_s, takeoff.w_s)
-    assert again.told == takeoff.told
+    assert again.inputs == takeoff.inputs
     assert np.array_equal(again.mask, takeoff.mask)
 
 

@@ -49,7 +49,7 @@ def fixed_wing() -> VelocityAidedFilter:
 def causal(samples: Iterable[ImuSample], told: Iterable = TOLD, maker: Callable = make) -> list:
     chosen = maker()
     for _, what in told:
-        smoothing.tell(chosen, what)
+        smoothing.pass_on(chosen, what)
     return [chosen.update(sample) for sample in samples]
 
 

@@ -9,7 +9,7 @@ from synthetic_imu import FIELD, fly, slow
 
 from h2nav import cli
 from h2nav.attitude import native
-from h2nav.attitude.filter import tell
+from h2nav.attitude.filter import pass_on
 from h2nav.attitude.samples import SensorDelays, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
@@ -145,7 +145,7 @@ def trial(folder: Path) -> Trial:
         FilterInput(137, field),
         FilterInput(900, VehicleState(False)),
     )
-    return found._replace(told=(*told, FilterInput(len(found.t_us), VehicleState(True))))
+    return found._replace(inputs=(*told, FilterInput(len(found.t_us), VehicleState(True))))
 
 
 @pytest.mark.parametrize("run", [run_velocity_aided, run_velocity_aided_integer])
@@ -172,7 +172,7 @@ def test_what_a_batch_cannot_show_runs_sample_by_sample(trial: Trial) -> None:
     assert plotted.gain_set is not None
     still = (0.0, 0.0, float("nan"))
     fixes = [FilterInput(20 * k, VelocityFix(200_000 * k, still, 0.1)) for k in range(1, 50)]
-    flying = trial._replace(told=tuple(fixes))
+    flying = trial._replace(inputs=tuple(fixes))
     assert run_velocity_aided(flying, Conditions("handheld", True)).backend == per_sample
     assert run_velocity_aided(flying, Conditions("handheld")).backend == backend
 
@@ -230,7 +230,7 @@ def test_a_listener_gives_its_filter_what_it_keeps() -> None:
     records = (VehicleState(False), FIELD, SensorDelays(0.01, 0.05))
     for each in (alone, chosen):
         for what in records:
-            tell(each, what)
+            pass_on(each, what)
     for number, sample in enumerate(flight.samples):
         listener.arrives(1_000_000 * number)
         if number == 100:
@@ -242,5 +242,5 @@ def test_a_listener_gives_its_filter_what_it_keeps() -> None:
     assert first.samples + second.samples == list(flight.samples)
     assert [len(first), len(second)] == [100, 100]
     assert second.arrived_us == [1000 * number for number in range(100, 200)]
-    assert [each.what for each in first.told] == [each.what for each in second.told]
-    assert [each.what for each in second.told] == list(records)
+    assert [each.what for each in first.inputs] == [each.what for each in second.inputs]
+    assert [each.what for each in second.inputs] == list(records)

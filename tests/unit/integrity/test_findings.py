@@ -107,8 +107,8 @@ def test_they_do_not_grow_without_bound():
 
 
 def test_the_imu_is_named_where_one_is_concerned():
-    assert alarm().told == "IMU 1: size 1.0"
-    assert alarm(Sensor(SensorKind.GPS)).told == "size 1.0"
+    assert alarm().notice == "IMU 1: size 1.0"
+    assert alarm(Sensor(SensorKind.GPS)).notice == "size 1.0"
 
 
 def test_json_has_plain_values():

@@ -55,7 +55,7 @@ def test_a_finding_begins_grows_ends_and_comes_back(state, clock):
     state.take("/finding", UNIX_NS, finding(to_s=47.0))
     state.take("/finding", UNIX_NS, finding(id="attitude_velocity.gps.2", from_s=80.0, to_s=80.5))
     assert [told.finding.is_open for told in state.findings] == [True, True]
-    assert state.findings_told == 2
+    assert state.findings_begun == 2
 
 
 def test_an_end_that_was_lost_shows_in_the_status(state):
@@ -100,4 +100,4 @@ def test_nothing_grows_without_bound(state):
     assert len(state.texts) == live_state.MOST_TEXTS
     assert state.texts[-1].text == "line 999"
     assert len(list(state.all_of("/rejected"))) == live_state.MOST_CURRENT
-    assert state.findings_told == 1000
+    assert state.findings_begun == 1000

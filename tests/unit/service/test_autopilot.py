@@ -22,7 +22,7 @@ class Link:
         self.autopilot = Autopilot(AutopilotSettings(**settings))
 
     def heartbeat(self, t_s, sender=REAL, heartbeat=QUADROTOR):
-        return self.autopilot.hears_heartbeat(round(t_s * SECOND_NS), sender, heartbeat)
+        return self.autopilot.take_heartbeat(round(t_s * SECOND_NS), sender, heartbeat)
 
     @property
     def bound_to(self):
@@ -61,7 +61,7 @@ def test_a_ground_station_is_no_autopilot():
 def test_an_address_that_no_autopilot_has_binds_nothing(sender):
     autopilot = Autopilot(AutopilotSettings(), own_component_id=191)
     for t_s in range(20):
-        autopilot.hears_heartbeat(t_s * SECOND_NS, sender, QUADROTOR)
+        autopilot.take_heartbeat(t_s * SECOND_NS, sender, QUADROTOR)
     assert autopilot.identity is None
 
 
@@ -109,10 +109,10 @@ def test_heartbeats_forged_under_many_ids_bind_nobody_and_take_no_memory():
 
 def test_a_burst_of_heartbeats_counts_once():
     candidates = Candidates()
-    counts = [candidates.hears(i * 1_000_000, FORGED) for i in range(100)]
+    counts = [candidates.take(i * 1_000_000, FORGED) for i in range(100)]
     assert counts == [1] * 100
-    assert candidates.hears(SECOND_NS, FORGED) == 2
-    assert candidates.hears(60 * SECOND_NS, FORGED) == 1
+    assert candidates.take(SECOND_NS, FORGED) == 2
+    assert candidates.take(60 * SECOND_NS, FORGED) == 1
 
 
 @pytest.mark.parametrize("settings", [{"system_id": 1}, {"component_id": 2}])

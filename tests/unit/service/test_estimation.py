@@ -40,7 +40,7 @@ class Flight:
         self.estimation = Estimation(
             FILTERS.filter_for,
             AutopilotSettings(lanes=lanes),
-            BeforeArming(Notices(as_status_text=False).tell),
+            BeforeArming(Notices(as_status_text=False).report),
         )
         self.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
         self.estimation.use_vehicle(VehicleState(on_ground=False))
@@ -269,7 +269,7 @@ def test_a_lane_that_recovers_takes_the_attitude_and_keeps_its_own_bias():
 def test_what_was_known_before_reaches_the_filters_of_a_vehicle_that_comes_later():
     listener = Listener()
     estimation = Estimation(
-        listener.filter_for, AutopilotSettings(), BeforeArming(Notices(as_status_text=False).tell)
+        listener.filter_for, AutopilotSettings(), BeforeArming(Notices(as_status_text=False).report)
     )
     field, vehicle = EarthField(50.0, 1.0, 0.1), VehicleState(on_ground=True)
     estimation.use_field(field)
@@ -278,7 +278,7 @@ def test_what_was_known_before_reaches_the_filters_of_a_vehicle_that_comes_later
     filters = [listener, *listener.others]
     assert len(filters) == 3
     for each in filters:
-        told = [one.what for one in each.stretches[-1].told]
+        told = [one.what for one in each.stretches[-1].inputs]
         assert field in told
         assert vehicle in told
 
@@ -289,11 +289,11 @@ def test_a_filter_is_told_how_late_its_samples_are_once_their_period_is_known():
     flight.estimation = Estimation(
         listener.filter_for,
         AutopilotSettings(lanes=1),
-        BeforeArming(Notices(as_status_text=False).tell),
+        BeforeArming(Notices(as_status_text=False).report),
     )
     flight.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
     flight.run(1.0)
-    told = [one for one in listener.stretches[-1].told if isinstance(one.what, SensorDelays)]
+    told = [one for one in listener.stretches[-1].inputs if isinstance(one.what, SensorDelays)]
     assert [one.row for one in told] == [1], "with the second sample, and never again"
     gyro_s, field_s = told[0].what
     assert gyro_s == pytest.approx(0.01125 - 0.005, abs=1e-4)

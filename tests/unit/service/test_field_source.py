@@ -19,9 +19,9 @@ def test_each_calibrated_field_is_used_once_and_no_raw_one_beside_it():
     source = FieldSource(PX4, lends=True)
     assert source.is_wanted(SCALED)
     assert field_at(source, 0) is None
-    source.hears(1, CALIBRATED)
+    source.take_field(1, CALIBRATED)
     assert [field_at(source, t_ns) for t_ns in (2, 3)] == [CALIBRATED, None]
-    source.hears(4, None)
+    source.take_field(4, None)
     assert field_at(source, 5) is None
     assert source.has_lent
 
@@ -37,7 +37,7 @@ def test_where_no_calibrated_field_comes_the_raw_one_is_what_there_is():
 
 def test_a_raw_field_returns_when_the_calibrated_ones_have_long_stopped():
     source = FieldSource(PX4, lends=True)
-    source.hears(0, CALIBRATED)
+    source.take_field(0, CALIBRATED)
     assert field_at(source, 1) == CALIBRATED
     assert field_at(source, TRUSTED_NS) is None
     assert field_at(source, TRUSTED_NS + 1) == RAW
@@ -62,6 +62,6 @@ def test_after_a_reboot_the_streams_are_waited_for_again():
 def test_other_autopilots_and_a_chosen_message_keep_their_own_field():
     for source in (FieldSource(ARDUPILOT, lends=True), FieldSource(PX4, lends=False)):
         assert not source.is_wanted(SCALED)
-        source.hears(0, CALIBRATED)
+        source.take_field(0, CALIBRATED)
         assert field_at(source, 1) == RAW
     assert not FieldSource(PX4, lends=True).is_wanted(HIGHRES)

@@ -86,7 +86,7 @@ def reports(*rounds):
     for number, signs in enumerate(rounds):
         t_ns = NOW_NS + 61_000 * MS_NS * number
         standing.judge(t_ns, WELL._replace(last_sample_ns=t_ns, **signs))
-        found.append([notice.text for notice in standing.tell(t_ns, is_starting=False)])
+        found.append([notice.text for notice in standing.report(t_ns, is_starting=False)])
     return found
 
 

@@ -19,7 +19,7 @@ def test_a_pause_fills_the_bucket_no_further_than_the_burst():
 
 def test_another_value_counts_when_it_alone_was_heard_for_long_enough():
     steady = Steady("a", hold_ns=SECOND_NS)
-    assert [steady.hears(i * SECOND_NS // 4, "b") for i in range(5)] == [False] * 4 + [True]
+    assert [steady.take(i * SECOND_NS // 4, "b") for i in range(5)] == [False] * 4 + [True]
     assert steady.value == "b"
 
 
@@ -27,13 +27,13 @@ def test_the_old_value_or_a_third_begins_the_wait_anew():
     for other in ("a", "c"):
         steady = Steady("a", hold_ns=SECOND_NS)
         for i in range(100):
-            assert not steady.hears(i * SECOND_NS // 4, other if i % 3 == 2 else "b")
+            assert not steady.take(i * SECOND_NS // 4, other if i % 3 == 2 else "b")
         assert steady.value == "a"
 
 
 def test_two_words_a_second_apart_are_not_enough():
     steady = Steady("a", hold_ns=SECOND_NS)
-    assert [steady.hears(i * 10 * SECOND_NS, "b") for i in range(3)] == [False, False, True]
+    assert [steady.take(i * 10 * SECOND_NS, "b") for i in range(3)] == [False, False, True]
 
 
 def test_the_next_event_may_happen_when_the_limit_says():

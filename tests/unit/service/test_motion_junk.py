@@ -34,7 +34,7 @@ ZERO = (0.0, 0.0, 0.0)
 def bound(estimator):
     """Motion estimation of a vehicle 1/1, with what it told."""
     autopilot = Autopilot(AutopilotSettings())
-    assert autopilot.hears_heartbeat(0, (1, 1), Heartbeat(3, 2, is_armed=False)) is Heard.BOUND
+    assert autopilot.take_heartbeat(0, (1, 1), Heartbeat(3, 2, is_armed=False)) is Heard.BOUND
     chosen = ServiceSettings(motion=MotionSettings(estimator, odometry_rate_hz=1000.0))
     outputs = Outputs(OutputSettings(), 1000.0)
     return motion_for(chosen, autopilot, outputs, lambda *_: [], 0)

@@ -29,7 +29,7 @@ class Rover:
     def __init__(self):
         self.told = []
         autopilot = Autopilot(AutopilotSettings())
-        autopilot.hears_heartbeat(0, (1, 1), Heartbeat(3, 10, is_armed=False))
+        autopilot.take_heartbeat(0, (1, 1), Heartbeat(3, 10, is_armed=False))
         chosen = ServiceSettings(
             motion=MotionSettings("wheels", odometry_rate_hz=1000.0),
             odometry=OdometrySettings(track_m=0.5),

@@ -98,30 +98,30 @@ def test_the_configuration_outweighs_what_is_known():
     for identity in (COPTER, PX4, OTHER):
         timing = timing_of(identity, **chosen)
         assert timing.parameter == ""
-        assert not timing.hears(ParameterValue(GYRO_FILTER, 40.0))
+        assert not timing.take_parameter(ParameterValue(GYRO_FILTER, 40.0))
         assert delays_at(timing, 10_000) == (pytest.approx(0.015, abs=1e-4), 0.0)
 
 
 def test_the_parameter_of_the_low_pass_is_believed():
     timing = timing_of(COPTER)
     assert timing.parameter == GYRO_FILTER
-    assert not timing.hears(ParameterValue(GYRO_FILTER, 20.0)), "as expected"
-    assert timing.hears(ParameterValue(GYRO_FILTER, 80.0))
+    assert not timing.take_parameter(ParameterValue(GYRO_FILTER, 20.0)), "as expected"
+    assert timing.take_parameter(ParameterValue(GYRO_FILTER, 80.0))
     assert timing.ages().rates_s == pytest.approx(0.01125 / 4, rel=1e-3)
-    assert timing.hears(ParameterValue(GYRO_FILTER, 0.0)), "the low-pass is off"
+    assert timing.take_parameter(ParameterValue(GYRO_FILTER, 0.0)), "the low-pass is off"
     assert timing.ages().rates_s == 0.0
 
 
 @pytest.mark.parametrize("value", [None, -20.0, 0.001, 1.9, 1001.0, 1e30])
 def test_an_absurd_parameter_is_not_believed(value):
     timing = timing_of(COPTER)
-    assert not timing.hears(ParameterValue(GYRO_FILTER, value))
+    assert not timing.take_parameter(ParameterValue(GYRO_FILTER, value))
     assert timing.ages().rates_s == pytest.approx(0.01125, rel=1e-3)
 
 
 def test_other_parameters_and_other_autopilots_change_nothing():
-    assert not timing_of(COPTER).hears(ParameterValue("INS_ACCEL_FILTER", 10.0))
-    assert not timing_of(PX4).hears(ParameterValue(GYRO_FILTER, 10.0))
+    assert not timing_of(COPTER).take_parameter(ParameterValue("INS_ACCEL_FILTER", 10.0))
+    assert not timing_of(PX4).take_parameter(ParameterValue(GYRO_FILTER, 10.0))
 
 
 def test_a_parameter_is_asked_for_a_few_times_with_growing_pauses():
