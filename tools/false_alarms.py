@@ -5,7 +5,7 @@ scenarios, four kinds of vehicles, both makes of autopilots, one IMU and three. 
 warning on are listed. What fails in a recording by its own notes (`integrity_table.RECORDINGS` and
 `DECLARED` below) is no false alarm until a minute after it.
 
-Run: python tools/false_alarms.py [DIR ...] [--hours H] [--workers N] [--json FILE]
+Run: python tools/false_alarms.py [DIR ...] [--hours H] [--first K] [--workers N] [--json FILE]
 """
 
 import argparse
@@ -118,10 +118,10 @@ def _row(finding: Finding) -> dict[str, Any]:
     return finding._asdict() | {"severity": name, "sensor": finding.sensor.name}
 
 
-def flights(hours: float) -> Iterator[Flown]:
-    """So many hours of everything in turn."""
+def flights(hours: float, first: int) -> Iterator[Flown]:
+    """So many hours of everything in turn, from a flight on."""
     names, kinds = tuple(SCENARIOS), tuple(KINDS)
-    for k in range(math.ceil(hours * 3600.0 / ALARM_FLIGHT_S)):
+    for k in range(first, first + math.ceil(hours * 3600.0 / ALARM_FLIGHT_S)):
         turn = k // len(names)
         kind = kinds[turn % len(kinds)]
         turn //= len(kinds)
@@ -167,6 +167,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folders", nargs="*", type=Path, metavar="DIR", help="of recordings")
     parser.add_argument("--hours", type=float, default=0.0, help="of simulated flights")
+    parser.add_argument("--first", type=int, default=0, help="number of the first simulated flight")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="everything as JSON as well")
     args = parser.parse_args()
@@ -178,7 +179,7 @@ def main() -> None:
     )
     rows: list[dict[str, Any]] = []
     shown(results(recorded_row, paths, args.workers), rows)
-    shown(results(flown_row, list(flights(args.hours)), args.workers), rows)
+    shown(results(flown_row, list(flights(args.hours, args.first)), args.workers), rows)
     if args.json is not None:
         args.json.write_text(json.dumps(rows, indent=1, default=str) + "\n", encoding="utf-8")
 
