@@ -29,6 +29,8 @@ LEAST_RAD, MOST_RAD, USUAL_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
 LEAST_LEVEL = 0.1
 SMOOTHING_US = 500_000
 STALE_US = 2_000_000
+# Later fields of another compass are those of another attitude.
+SAME_TIME_US = 100_000
 # Fields refer to different times: a few degrees at this rate, tens of degrees in a flip.
 FASTEST_RAD_S = 60.0 * DEG
 # Any difference has to last for two seconds.
@@ -45,27 +47,43 @@ class Level(NamedTuple):
     is_shown: bool  # velocities have confirmed its heading
 
 
+class _Mean:
+    """Mean of recent directions, each of length 1."""
+
+    def __init__(self) -> None:
+        self.direction = 0j  # of length 1 or less
+        self.t_us: int | None = None
+
+    def take(self, t_us: int, direction: complex) -> None:
+        """Adds a direction."""
+        before_us, self.t_us = self.t_us, t_us
+        if before_us is None or t_us - before_us > STALE_US:
+            self.direction = direction
+            return
+        share = min((t_us - before_us) / SMOOTHING_US, 1.0)
+        self.direction += share * (direction - self.direction)
+
+    def is_fresh(self, t_us: int) -> bool:
+        """Whether there has been a direction recently."""
+        return self.t_us is not None and t_us - self.t_us <= STALE_US
+
+
 class _Compass:
     """One compass."""
 
     def __init__(self) -> None:
-        self.heading = 0j  # its mean direction levelled by the attitude, of length 1 or less
-        self.field_b: Vec3 = (1.0, 0.0, 0.0)  # its newest field, body axes
+        self.heading = _Mean()  # levelled by the attitude
+        self.newest = 1 + 0j  # the newest direction of it
+        self.field_b: Vec3 = (1.0, 0.0, 0.0)  # newest
         self.is_misfit = False  # norm or dip have not been the earth's since it began to differ
-        self.t_us: int | None = None
         self.test = Lasting()  # against a heading confirmed by velocities
         self.is_wrong: bool | None = None  # by that test; None: not tested
 
     def take(self, t_us: int, direction: complex, field_b: Vec3, fits: bool | None) -> None:
         """Adds a field, its direction of length 1, and whether norm and dip are the earth's."""
-        self.field_b = field_b
+        self.newest, self.field_b = direction, field_b
         self.is_misfit |= fits is False
-        before_us, self.t_us = self.t_us, t_us
-        if before_us is None or t_us - before_us > STALE_US:
-            self.heading = direction
-            return
-        share = min((t_us - before_us) / SMOOTHING_US, 1.0)
-        self.heading += share * (direction - self.heading)
+        self.heading.take(t_us, direction)
 
     def compare(self, t_us: int, ratio: float) -> None:
         """Takes the test ratio of its heading to one confirmed by velocities."""
@@ -79,7 +97,20 @@ class _Compass:
 
     def is_fresh(self, t_us: int) -> bool:
         """Whether it has sent a field recently."""
-        return self.t_us is not None and t_us - self.t_us <= STALE_US
+        return self.heading.is_fresh(t_us)
+
+
+class _Pair:
+    """Two compasses, by fields of one time: at others the attitude's error is another."""
+
+    def __init__(self) -> None:
+        self.turn = _Mean()  # from the second one's heading to that of the first
+        self.test = Lasting()
+
+    @property
+    def apart_rad(self) -> float:
+        """Their difference."""
+        return abs(cmath.phase(self.turn.direction))
 
 
 class Compasses:
@@ -103,7 +134,7 @@ class Compasses:
     def restart(self) -> None:
         """Restarts for another vehicle, or another clock."""
         self._compasses: dict[int, _Compass] = {}
-        self._pairs: dict[tuple[int, int], Lasting] = {}
+        self._pairs: dict[tuple[int, int], _Pair] = {}
         self._t_us = 0
         self.wrong: frozenset[int] = frozenset()
         self._open: list[tuple[int, int]] = []
@@ -118,28 +149,29 @@ class Compasses:
         """Takes the newest field of each, body axes, and whether norm and dip are the earth's."""
         if level.rate_rad_s > FASTEST_RAD_S:
             return
-        self._t_us = t_us
-        for number, field in fields.items():
+        self._t_us, seen = t_us, []
+        for number, field in sorted(fields.items()):
             north, east, _ = rotate(level.q_nb, field)
             flat = math.hypot(north, east)
             if flat > LEAST_LEVEL * math.hypot(*field):
                 compass = self._compasses.setdefault(number, _Compass())
                 compass.take(t_us, complex(north, east) / flat, field, (fits or {}).get(number))
+                seen.append(number)
         fresh = [n for n in sorted(self._compasses) if self._compasses[n].is_fresh(t_us)]
-        for pair in itertools.combinations(fresh, 2):
-            ratio = min(self._ratio(*pair), MOST_RATIO)
-            self._pairs.setdefault(pair, Lasting()).take(t_us, ratio)
+        for one, other in itertools.combinations(fresh, 2):
+            if (one in seen or other in seen) and self._are_of_one_time(one, other):
+                self._compare(t_us, one, other)
         self._judge_by_velocity(t_us, fresh, level)
         self._decide(fresh)
 
     def alarms(self) -> list[Alarm]:
         """The present alarms."""
         found = []
-        apart = [pair for pair, test in self._pairs.items() if test.is_raised]
+        apart = [pair for pair, both in self._pairs.items() if both.test.is_raised]
         for number in sorted(self.wrong):
             mine = [pair for pair in apart if number in pair]
             others = {n + 1 for pair in mine for n in pair if n != number and n not in self.wrong}
-            size = max((self._apart_rad(*pair) for pair in mine), default=0.0) / DEG
+            size = max((self._pairs[pair].apart_rad for pair in mine), default=0.0) / DEG
             against = " and ".join(str(n) for n in sorted(others)) or "another one"
             found.append(
                 Alarm(
@@ -161,10 +193,11 @@ class Compasses:
 
     def doubt_rad(self, number: int) -> float:
         """Deviation of a heading by this compass: half of its difference to the others."""
-        doubted = [pair for pair, test in self._pairs.items() if test.is_raised and number in pair]
+        raised = [pair for pair, both in self._pairs.items() if both.test.is_raised]
+        doubted = [pair for pair in raised if number in pair]
         if number not in self.wrong:
             doubted = [pair for pair in doubted if pair in self._open]
-        return max((0.5 * self._apart_rad(*pair) for pair in doubted), default=0.0)
+        return max((0.5 * self._pairs[pair].apart_rad for pair in doubted), default=0.0)
 
     def _proof(self, number: int, others: int) -> str:
         """The evidence that it is wrong."""
@@ -175,7 +208,7 @@ class Compasses:
         return "its norm or dip is not the earth's"
 
     def _undecided(self, pairs: list[tuple[int, int]]) -> Alarm:
-        size = max(self._apart_rad(*pair) for pair in pairs) / DEG
+        size = max(self._pairs[pair].apart_rad for pair in pairs) / DEG
         concerned = tuple(sorted({n + 1 for pair in pairs for n in pair}))
         return Alarm(
             Kind.COMPASSES_DIFFER,
@@ -190,7 +223,7 @@ class Compasses:
         )
 
     def _since_s(self, pairs: list[tuple[int, int]]) -> float:
-        return max((self._pairs[pair].since_s(self._t_us) for pair in pairs), default=0.0)
+        return max((self._pairs[pair].test.since_s(self._t_us) for pair in pairs), default=0.0)
 
     @property
     def _limit_rad(self) -> float:
@@ -201,16 +234,20 @@ class Compasses:
         limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
         return min(max(limit, LEAST_RAD), MOST_RAD)
 
-    def _ratio(self, one: int, other: int) -> float:
-        """Their difference relative to that of calibrated ones, in heading and in space."""
-        a, b = self._compasses[one].field_b, self._compasses[other].field_b
+    def _are_of_one_time(self, one: int, other: int) -> bool:
+        a_us, b_us = (self._compasses[number].heading.t_us for number in (one, other))
+        return a_us is not None and b_us is not None and abs(a_us - b_us) <= SAME_TIME_US
+
+    def _compare(self, t_us: int, one: int, other: int) -> None:
+        """Compares two of which a field has just come, in heading and in space."""
+        first, second = self._compasses[one], self._compasses[other]
+        both = self._pairs.setdefault((one, other), _Pair())
+        both.turn.take(t_us, first.newest * second.newest.conjugate())
+        a, b = first.field_b, second.field_b
         cosine = sum(map(operator.mul, a, b)) / (math.hypot(*a) * math.hypot(*b))
         in_space = math.acos(min(max(cosine, -1.0), 1.0)) / IN_SPACE_RAD
-        return min(self._apart_rad(one, other) / self._limit_rad, in_space)
-
-    def _apart_rad(self, one: int, other: int) -> float:
-        turn = self._compasses[one].heading * self._compasses[other].heading.conjugate()
-        return abs(cmath.phase(turn))
+        ratio = min(both.apart_rad / self._limit_rad, in_space, MOST_RATIO)
+        both.test.take(t_us, ratio)
 
     def _judge_by_velocity(self, t_us: int, fresh: list[int], level: Level) -> None:
         """Tests against a heading confirmed by velocities, whose error is below the limit."""
@@ -219,14 +256,14 @@ class Compasses:
         for number in fresh:
             compass = self._compasses[number]
             off = math.remainder(
-                cmath.phase(compass.heading) - self._earth.declination_rad, math.tau
+                cmath.phase(compass.heading.direction) - self._earth.declination_rad, math.tau
             )
             ratio = min(abs(off) / self._limit_rad, MOST_RATIO)
             compass.compare(t_us, ratio)
 
     def _decide(self, fresh: list[int]) -> None:
         """Decides which ones are wrong, and which pairs stay undecided."""
-        apart = [pair for pair in self._pairs if self._pairs[pair].is_raised]
+        apart = [pair for pair, both in self._pairs.items() if both.test.is_raised]
         concerned = {number for pair in apart for number in pair}
         wrong = {n for n in concerned if self._compasses[n].is_wrong}
         right = {n for n in fresh if self._compasses[n].is_wrong is False}
@@ -253,8 +290,10 @@ class Compasses:
         if len(others) < 2:
             return False
         limit_rad = AGREE * self._limit_rad
+        agreeing = [self._pairs.get(pair) for pair in itertools.combinations(others, 2)]
         agree = all(
-            self._apart_rad(*pair) < limit_rad for pair in itertools.combinations(others, 2)
+            both is not None and both.turn.is_fresh(self._t_us) and both.apart_rad < limit_rad
+            for both in agreeing
         )
-        mine = [self._pairs[(min(n, number), max(n, number))] for n in others]
-        return agree and all(test.is_raised for test in mine)
+        mine = [self._pairs.get((min(n, number), max(n, number))) for n in others]
+        return agree and all(both is not None and both.test.is_raised for both in mine)

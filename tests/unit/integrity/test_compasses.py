@@ -111,3 +111,24 @@ def test_a_wrong_attitude_makes_no_difference_of_two_fields_that_are_one() -> No
     upright = quaternion.from_euler(0.0, (90.0 - 62.0) * DEG, 0.0)
     compasses = after(10.0, seen([0.0, 6.0]), Level(upright, 0.1, False))
     assert compasses.alarms() == []
+
+
+def test_fields_of_different_times_are_not_compared() -> None:
+    """Of a vehicle that turns, levelled by a wrong attitude, 0.8 s apart."""
+    compasses, wrong = Compasses(), quaternion.from_euler(70.0 * DEG, 0.0, 0.0)
+    compasses.use_field(FIELD)
+    for i in range(800):
+        true = quaternion.from_euler(0.0, 0.0, 0.05 * i)
+        fields = seen([0.0, 0.0], true)
+        come = {n: fields[n] for n in (0, 1) if i % 32 == 16 * n}
+        compasses.look(50_000 * i, come, Level(quaternion.multiply(true, wrong), 1.0, False))
+        assert not compasses.alarms()
+
+
+def test_fields_that_come_by_turns_are_compared() -> None:
+    compasses, fields = Compasses(), seen([0.0, 90.0])
+    compasses.use_field(FIELD)
+    for i in range(200):
+        come = {n: fields[n] for n in (0, 1) if i % 16 == n}
+        compasses.look(50_000 * i, come, Level(TILTED, 0.1, False))
+    assert compasses.alarms()
