@@ -26,7 +26,7 @@ from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
-from h2nav.service.intake import Need
+from h2nav.service.intake import Incoming, Need
 from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
 from h2nav.service.lane_selection import CLEARLY, Condition, LaneSelection, Switch, SwitchCause
 from h2nav.service.limits import SECOND_NS
@@ -234,9 +234,10 @@ class Estimation:
             for lane in self._lanes:
                 lane.resume(t_ns)
         self._heard_ns = t_ns
-        goes_on = self._newest if self._has_sent else None
+        newest = self._newest if self._has_sent else None
+        incoming = Incoming(t_ns, message_id, reading, newest)
         for lane, need in self._takers:
-            step = lane.take(t_ns, message_id, reading, need, goes_on)
+            step = lane.take(incoming, need)
             if step.sample is not None:
                 steps[lane.imu] = step
                 self._before_arming.on_sample(lane.imu, t_ns, step.sample)

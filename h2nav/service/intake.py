@@ -24,6 +24,16 @@ class Need(IntEnum):
     SAMPLE = 2
 
 
+class Incoming(NamedTuple):
+    """A reading for the lanes that need it."""
+
+    t_ns: int  # host time
+    message_id: int  # of its message
+    reading: ImuReading  # its content
+    # time of the newest sample that was sent and of its arrival, us and host ns
+    newest_sent: tuple[int, int] | None = None
+
+
 class Arrived(NamedTuple):
     """The result of a reading."""
 
@@ -101,28 +111,14 @@ class Intake:
             return 0  # a message that borrows its field may come into use
         return self._choice.idle_until_ns(message_id)
 
-    def take(
-        self,
-        t_ns: int,
-        message_id: int,
-        reading: ImuReading,
-        need: Need,
-        goes_on: tuple[int, int] | None,
-    ) -> Arrived:
-        """Takes a needed reading.
-
-        Args:
-            t_ns: host time.
-            message_id: of its message.
-            reading: its content.
-            need: the answer of `need`.
-            goes_on: time of the newest sample that was sent and of its arrival, us and host ns.
-        """
+    def take(self, incoming: Incoming, need: Need) -> Arrived:
+        """Takes a reading; `need` is the answer to whether it is needed."""
+        t_ns, message_id, reading, newest_sent = incoming
         if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
             self._fields.take_field(t_ns, reading.m_b_ut)
             return FIELD_ONLY
         self._choice.takes(message_id, t_ns)
-        verdict, t_us = self._clock_for(message_id, goes_on).advance(t_ns, reading.time)
+        verdict, t_us = self._clock_for(message_id, newest_sent).advance(t_ns, reading.time)
         self._note_contest(t_ns, verdict)
         if verdict in NEW_EPOCHS:
             self.restart()
@@ -139,11 +135,11 @@ class Intake:
         self.newest_us = None
         self._fields.restart()
 
-    def _clock_for(self, message_id: int, goes_on: tuple[int, int] | None) -> SampleClock:
+    def _clock_for(self, message_id: int, sent: tuple[int, int] | None) -> SampleClock:
         if self._clock is None or self._clock_of != message_id:
             newest_us, newest_ns = self.newest_us, self._newest_ns
-            if newest_us is None and goes_on is not None:
-                newest_us, newest_ns = goes_on
+            if newest_us is None and sent is not None:
+                newest_us, newest_ns = sent
             self._clock = SampleClock(IMU_MESSAGES[message_id].time_unit_us, newest_us, newest_ns)
             self._clock_of = message_id
         return self._clock

@@ -23,7 +23,7 @@ from h2nav.integrity.sensor_checks import Use
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
-from h2nav.service.intake import NEW_EPOCHS, Intake, Need
+from h2nav.service.intake import NEW_EPOCHS, Incoming, Intake, Need
 from h2nav.service.lane_selection import Condition
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.own_bias import OwnBias
@@ -32,7 +32,7 @@ from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.trust import LaneTrust
-from h2nav.wire.imu import Ages, ImuMessage, ImuReading
+from h2nav.wire.imu import Ages, ImuMessage
 
 FilterFor = Callable[[Identity], AttitudeFilter]
 SILENT_NS = ImuChoice.SILENT_NS
@@ -221,25 +221,19 @@ class Lane:
             return rests_until_ns
         return self._intake.idle_until_ns(message_id)
 
-    def take(
-        self,
-        t_ns: int,
-        message_id: int,
-        reading: ImuReading,
-        need: Need,
-        goes_on: tuple[int, int] | None,
-    ) -> Step:
-        """Takes a needed reading; see `Intake.take` for the arguments."""
-        verdict, sample = self._intake.take(t_ns, message_id, reading, need, goes_on)
+    def take(self, incoming: Incoming, need: Need) -> Step:
+        """Takes a reading; `need` is the answer to whether it is needed."""
+        verdict, sample = self._intake.take(incoming, need)
+        t_ns, ages = incoming.t_ns, incoming.reading.ages
         if sample is None:
             if verdict is not None:
                 self._trust.refuse(t_ns, verdict.value)
             return NO_STEP
         if verdict not in NEW_EPOCHS:
-            return self._step(t_ns, sample, reading.ages, None)
+            return self._step(t_ns, sample, ages, None)
         self._event = verdict
         self._begin_epoch()
-        return self._step(t_ns, sample, reading.ages, verdict)
+        return self._step(t_ns, sample, ages, verdict)
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a rejected reading."""

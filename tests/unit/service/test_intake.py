@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
-from h2nav.service.intake import CONTESTED_NS, Intake, Need
+from h2nav.service.intake import CONTESTED_NS, Incoming, Intake, Need
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.wire.imu import IDS_BY_NAME, ImuReading
 
@@ -23,11 +23,11 @@ def intake(messages=(SCALED, HIGHRES), others_too=False, lends=True):
     return Intake(LaneMessages(0, messages, others_too), PX4, lends=lends)
 
 
-def scaled(one, tick, field=RAW, goes_on=None):
+def scaled(one, tick, field=RAW, newest_sent=None):
     """The next SCALED_IMU of 100 Hz."""
     t_ns = tick * 10_000_000
     need = one.need(t_ns, SCALED)
-    return one.take(t_ns, SCALED, reading(START_MS + 10 * tick, field), need, goes_on)
+    return one.take(Incoming(t_ns, SCALED, reading(START_MS + 10 * tick, field), newest_sent), need)
 
 
 def test_a_message_of_another_lane_is_not_needed():
@@ -52,7 +52,7 @@ def test_the_calibrated_field_is_needed_beside_the_samples_in_use():
 def test_a_sample_carries_the_field_that_was_lent():
     one = intake()
     scaled(one, 0)
-    lent = one.take(0, HIGHRES, reading(20_005_000, CALIBRATED), Need.FIELD, None)
+    lent = one.take(Incoming(0, HIGHRES, reading(20_005_000, CALIBRATED)), Need.FIELD)
     assert lent == (None, None)
     _, sample = scaled(one, 1)
     assert sample == (1000 * (START_MS + 10), RATE, FORCE, CALIBRATED, False)
@@ -63,18 +63,18 @@ def test_a_sample_carries_the_field_that_was_lent():
 
 def test_a_reading_of_another_imu_lends_its_field_alone():
     one = intake((HIGHRES,))
-    other = one.take(0, HIGHRES, reading(20_000_000, CALIBRATED, imu=1), Need.SAMPLE, None)
+    other = one.take(Incoming(0, HIGHRES, reading(20_000_000, CALIBRATED, imu=1)), Need.SAMPLE)
     assert other == (None, None)
     assert one.newest_us is None
     both = intake((HIGHRES,), others_too=True)
-    _, sample = both.take(0, HIGHRES, reading(20_000_000, CALIBRATED, imu=1), Need.SAMPLE, None)
+    _, sample = both.take(Incoming(0, HIGHRES, reading(20_000_000, CALIBRATED, imu=1)), Need.SAMPLE)
     assert sample.m_b_ut == CALIBRATED
 
 
 def test_a_clock_goes_on_from_the_sample_that_was_sent_last():
     one = intake()
     sent_us = 1000 * START_MS + 5_000
-    verdict, sample = scaled(one, 0, goes_on=(sent_us, 0))
+    verdict, sample = scaled(one, 0, newest_sent=(sent_us, 0))
     assert (verdict, sample) == (TimeVerdict.LATE, None)
     assert one.newest_us is None
     verdict, sample = scaled(one, 1)
@@ -88,7 +88,7 @@ def test_two_senders_are_an_objection_for_five_seconds():
     for tick in range(20):
         scaled(one, tick)
         t_ns = tick * 10_000_000 + 5_000_000
-        one.take(t_ns, SCALED, reading(900_000 + 10 * tick, RAW), Need.SAMPLE, None)
+        one.take(Incoming(t_ns, SCALED, reading(900_000 + 10 * tick, RAW)), Need.SAMPLE)
     (objection,) = one.objections(t_ns)
     assert objection.cause == "two senders"
     last_ns = 19 * 10_000_000
@@ -100,11 +100,11 @@ def test_a_reboot_begins_an_epoch_without_the_fields_of_the_one_before():
     one = intake()
     for tick in range(5):
         scaled(one, tick)
-    one.take(0, HIGHRES, reading(20_045_000, CALIBRATED), Need.FIELD, None)
+    one.take(Incoming(0, HIGHRES, reading(20_045_000, CALIBRATED)), Need.FIELD)
     verdicts = []
     for tick in range(3):
         t_ns = 5 * 10**9 + tick * 10_000_000
-        found = one.take(t_ns, SCALED, reading(1_000 + 10 * tick, RAW), Need.SAMPLE, None)
+        found = one.take(Incoming(t_ns, SCALED, reading(1_000 + 10 * tick, RAW)), Need.SAMPLE)
         verdicts.append(found.verdict)
     assert verdicts[-1] is TimeVerdict.REBOOT
     assert found.sample.t_us == one.newest_us == 1_020_000
@@ -115,6 +115,6 @@ def test_a_reboot_begins_an_epoch_without_the_fields_of_the_one_before():
 def test_the_bias_is_removed_from_highres_imu_of_px4_alone(messages, is_removed):
     one = intake(messages)
     assert not one.bias_is_removed
-    one.take(0, messages[0], reading(20_000, RAW), Need.SAMPLE, None)
+    one.take(Incoming(0, messages[0], reading(20_000, RAW)), Need.SAMPLE)
     assert one.bias_is_removed == is_removed
     assert one.message.message_id == messages[0]
