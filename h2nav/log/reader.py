@@ -143,18 +143,12 @@ def is_closed(path: Path) -> bool:
         return size > 2 * len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
 
 
-class Directory:
-    """The schemas and channels of a log, as far as they have been read.
+class Definitions:
+    """Schemas and channels by id, as far as they have been read."""
 
-    A channel is described only once, in the first chunk; if that is damaged, the summary of a
-    closed file still describes it.
-    """
-
-    def __init__(self, path: Path) -> None:
+    def __init__(self) -> None:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
-        self._path = path
-        self._summary_read = False
 
     def note(self, opcode: int, body: bytes) -> None:
         """Adds a schema or channel record; ignores others."""
@@ -164,6 +158,19 @@ class Directory:
         elif opcode == Opcode.CHANNEL:
             channel = parse(Channel.read, body)
             self.channels[channel.id] = channel
+
+
+class Directory(Definitions):
+    """The definitions of a log.
+
+    A channel is described only once, in the first chunk; if that is damaged, the summary of a
+    closed file still describes it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+        self._summary_read = False
 
     def channel(self, channel_id: int) -> Channel | None:
         """Returns the channel, or None if no intact record describes it."""

@@ -7,7 +7,6 @@ from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     AttachmentIndex,
-    Channel,
     Chunk,
     ChunkIndex,
     DataEnd,
@@ -16,23 +15,21 @@ from mcap.records import (
     MessageIndex,
     Metadata,
     MetadataIndex,
-    Schema,
     Statistics,
 )
 from mcap.writer import MCAP0_MAGIC
 
-from h2nav.log.reader import LogEntry
+from h2nav.log.reader import Definitions, LogEntry
 from h2nav.log.records import HEAD, inner_records, message, parse
 
 _SUMMARY_CRC_SIZE = 4
 
 
-class LogSummary:
+class LogSummary(Definitions):
     """Collects the index of a log; `add` takes each record of the data section in order."""
 
     def __init__(self) -> None:
-        self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
+        super().__init__()
         self.message_count = 0
         self._counts: dict[int, int] = {}
         self._first_ns = self._last_ns = 0
@@ -115,12 +112,7 @@ class LogSummary:
             self._counts[stored.channel_id] = self._counts.get(stored.channel_id, 0) + 1
             self.message_count += 1
             return stored.channel_id, stored.log_ns
-        if opcode == Opcode.SCHEMA:
-            schema = parse(Schema.read, body)
-            self.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = parse(Channel.read, body)
-            self.channels[channel.id] = channel
+        self.note(opcode, body)
         return None
 
     def ending(self, offset: int) -> bytes:

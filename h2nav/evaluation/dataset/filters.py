@@ -192,11 +192,7 @@ def _run_samples(
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     filled = _filled(estimates, f"{trial.name}: {chosen.name}")
-    return FilterTrack(
-        q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
-        us_per_sample=us_per_sample,
-        backend=_backend_of_samples(chosen),
-        bias=np.array([estimate.bias_b for estimate in filled]),
+    return _track(filled, us_per_sample, chosen)._replace(
         gain_set=np.array(sets) if sets else None,
         field_used=np.array([bool(estimate.trust & Trust.FIELD_USED) for estimate in filled]),
     )
@@ -209,7 +205,12 @@ def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> FilterTr
     estimates = smooth([given], make)[0]
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     chosen = make()
-    filled = _filled(estimates, f"{trial.name}: {chosen.name}")
+    return _track(_filled(estimates, f"{trial.name}: {chosen.name}"), us_per_sample, chosen)
+
+
+def _track(
+    filled: Sequence[AttitudeEstimate], us_per_sample: float, chosen: AttitudeFilter
+) -> FilterTrack:
     return FilterTrack(
         q_es=enu_from_ned([estimate.q_nb for estimate in filled]),
         us_per_sample=us_per_sample,
