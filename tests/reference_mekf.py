@@ -4,11 +4,10 @@ Reference for tests only: six states (attitude error in NED, gyro bias), numpy, 
 """
 
 import numpy as np
-import so3
 
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import ImuSample, Quat
-from h2nav.maths import quaternion
+from h2nav.maths import quaternion, so3
 
 
 class ReferenceMekf:

@@ -1,8 +1,6 @@
 """Prints the table of docs/rotations.md: first-order quaternion update against exponential."""
 
-import math
-
-from h2nav.maths import quaternion
+from h2nav.maths import quaternion, rotation_derivatives
 
 
 def table() -> str:
@@ -11,8 +9,8 @@ def table() -> str:
         "|---|---|---|---|---|",
     ]
     for angle in (0.01, 0.1, 1.0):
-        turned = 2.0 * math.atan(0.5 * angle)  # docs/rotations.md Eq. (5)
-        length = math.hypot(1.0, 0.5 * angle)  # Eq. (6)
+        turned = rotation_derivatives.first_order_angle(angle)
+        length = rotation_derivatives.first_order_norm(angle)
         exact = quaternion.angle(quaternion.IDENTITY, quaternion.exp((0.0, 0.0, angle)))
         error = exact - turned
         lines.append(

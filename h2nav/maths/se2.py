@@ -68,6 +68,12 @@ def log(pose: Planar) -> Planar:
     return (a * pose[0] + half * pose[1], -half * pose[0] + a * pose[1], angle)
 
 
+def adjoint(pose: Planar) -> Matrix3:
+    """Maps a twist in the moving frame to the same twist in the fixed frame."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return ((c, -s, pose[1]), (s, c, -pose[0]), (0.0, 0.0, 1.0))
+
+
 def right_jacobian(twist: Planar) -> Matrix3:
     """J with exp(twist + d) = exp(twist) exp(J d) to first order in d.
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-import so3
 from scipy.linalg import expm
+
+from h2nav.maths import so3
 
 STEP = 1e-30
 ANGLES = [0.0, 1e-9, 1e-3, 0.4999, 0.5001, 1.5, 3.0, np.pi - 1e-9, np.pi, 5.0]

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-import so3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from h2nav.maths import quaternion
+from h2nav.maths import quaternion, so3
 from h2nav.maths.quaternion import Quat, Vec3
 
 # Angles at, next to and far from the two places where formulas lose their digits.

@@ -50,6 +50,16 @@ def test_exp_undoes_log(pose):
 
 
 @law
+@given(POSE, st.tuples(LENGTH, LENGTH, st.floats(-1.0, 1.0)))
+def test_adjoint_moves_a_twist_to_the_fixed_frame(pose, twist):
+    Ad = se2.adjoint(pose)
+    moved = tuple(sum(a * t for a, t in zip(row, twist, strict=True)) for row in Ad)
+    left = se2.compose(se2.exp(moved), pose)
+    right = se2.compose(pose, se2.exp(twist))
+    assert close(left, right, 1e-8)
+
+
+@law
 @given(st.floats(-1e6, 1e6))
 def test_wrap_keeps_the_direction(angle):
     wrapped = se2.wrap(angle)

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
-import se3
 from scipy.linalg import expm
+
+from h2nav.maths import se3
 
 ANGLES = (0.0, 1e-12, 1e-7, 1e-3, 0.5, 2.0, math.pi - 1e-3, math.pi - 1e-6)
 

@@ -4,10 +4,8 @@ import math
 
 import numpy as np
 import pytest
-import rotation_derivatives
-import so3
 
-from h2nav.maths import quaternion
+from h2nav.maths import quaternion, rotation_derivatives, so3
 
 H = 1e-6
 

@@ -1,7 +1,8 @@
 import math
 
 import numpy as np
-import se3
+
+from h2nav.maths import se3
 
 
 def test_a_turn_about_z_carries_the_velocity_round():

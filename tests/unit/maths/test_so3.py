@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-import so3
+
+from h2nav.maths import so3
 
 
 def test_hat_is_the_cross_product_and_vee_undoes_it() -> None:

@@ -2,11 +2,9 @@ import math
 
 import numpy as np
 import pytest
-import se3
-import so3
 from scipy.integrate import solve_ivp
 
-from h2nav.maths import quaternion
+from h2nav.maths import quaternion, se3, so3
 from h2nav.motion import rigid_step
 from h2nav.motion.rigid_step import RigidState
 

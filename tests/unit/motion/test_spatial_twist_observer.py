@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-import se3
-from spatial_twist_observer import SpatialTwistObserver
 
+from h2nav.maths import se3
 from h2nav.motion.finite_time import FiniteTimeGains
+from h2nav.motion.spatial_twist_observer import SpatialTwistObserver
 
 BIAS = np.array([0.05, -0.03, 0.02, 0.1, -0.2, 0.15])
 TWIST = np.array([0.3, 0.2, 0.5, 1.0, 0.2, 0.1])

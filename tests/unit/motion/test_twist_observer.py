@@ -103,7 +103,8 @@ def test_an_unstamped_delay_is_taken_off():
 
 def test_spatial_twist_is_the_adjoint_of_the_body_twist():
     import numpy as np
-    import se3
+
+    from h2nav.maths import se3
 
     estimate = run(TwistObserver(MEASURED), 3.0)[-1][1]
     T = se3.pose(np.array(quaternion.to_matrix(estimate.q_ob)), estimate.p_o)

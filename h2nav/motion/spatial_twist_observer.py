@@ -6,9 +6,9 @@ the adjoint, and with 30 m of it and steps of 10 ms it diverges (pinned in tests
 """
 
 import numpy as np
-import se3
 from numpy.typing import ArrayLike, NDArray
 
+from h2nav.maths import se3
 from h2nav.motion.finite_time import FiniteTimeGains
 
 Array = NDArray[np.float64]

@@ -5,8 +5,9 @@ work and tests.
 """
 
 import numpy as np
-import so3
 from numpy.typing import ArrayLike, NDArray
+
+from h2nav.maths import so3
 
 Array = NDArray[np.float64]
 
