@@ -3,7 +3,8 @@ PYTHON ?= python3
 EXTRAS ?= dev
 VENV := .venv
 BIN := $(VENV)/bin
-INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check --editable
+# A third of the time would go into the bytecode of modules that nothing imports.
+INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable
 comma := ,
 # The installation follows its declaration and what its compiled part is made from.
 SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/translate/*.py h2nav/attitude/record.py $(shell $(PYTHON) h2nav/attitude/kernel_files.py))
@@ -11,6 +12,8 @@ FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
 .PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image deb arm64 wheels golden clean
+# Without bytecode on disk each of the hundreds of processes that the tests start compiles anew.
+unexport PYTHONDONTWRITEBYTECODE
 # Two targets at once would install into one environment; pytest uses all cores by itself.
 .NOTPARALLEL:
 
@@ -74,8 +77,7 @@ $(BIN)/python:
 
 $(FOR_DEMO): $(SOURCES) | $(BIN)/python
 	@echo "installing into $(VENV), half a minute the first time"
-	@# the demo imports little of what comes: half of the time would go into the bytecode of the rest
-	@$(INSTALL) . --no-compile
+	@$(INSTALL) .
 	@touch $@
 
 $(FOR_TESTS): $(SOURCES) | $(BIN)/python
