@@ -5,7 +5,7 @@ the demo in it, installs it again, removes and purges it, and fails where someth
 architecture other than this computer's runs under qemu-user (packages qemu-user-static and
 binfmt-support), some ten times slower. Needs root, a network and mmdebstrap.
 
-Run: python3 tools/debian_package.py build [--suite bookworm] [--arch arm64]
+Run: python3 tools/debian_package.py build [--suite bookworm] [--arch arm64] [--level 1]
      python3 tools/debian_package.py check [--suite bookworm] [--arch arm64]
 """
 
@@ -28,7 +28,7 @@ SLIM = [
     "--dpkgopt=force-unsafe-io",
     '--aptopt=Acquire::Languages "none"',
 ]
-PACK = "dpkg-deb --root-owner-group -Zxz --build"
+PACK = "dpkg-deb --root-owner-group -Zxz -z{level} --build"
 # What the build reads; the rest of a checkout (.git, .venv, logs) stays outside.
 SOURCES = (
     *("h2nav", "configs", "gains", "native", "packaging", "docs", "tests", "tools", ".ci"),
@@ -80,6 +80,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("what", choices=("build", "check"))
     parser.add_argument("--suite", choices=SUITES, default=SUITES[0])
     parser.add_argument("--arch", choices=("amd64", "arm64"), default=own_architecture())
+    parser.add_argument("--level", type=int, default=6, help="of compression; 1 is quick")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "dist", metavar="DIR")
     return parser.parse_args()
 
@@ -104,7 +105,7 @@ def build(arguments: argparse.Namespace) -> Path:
             f"--customize-hook=mkdir -p $1/src && tar -xf {archive} -C $1/src",
             "--customize-hook=chroot $1 sh /src/packaging/debian/make",
             # Outside, where xz is no emulated program.
-            f"--customize-hook={PACK} $1/package {folder}/h2nav.deb",
+            f"--customize-hook={PACK.format(level=arguments.level)} $1/package {folder}/h2nav.deb",
         )
         target = arguments.output / name
         target.write_bytes((Path(folder) / "h2nav.deb").read_bytes())
