@@ -129,7 +129,7 @@ class SimulatedFlight:
                 self.bytes_received += len(data)
                 self.pipeline.received(self.t_ns, data)
             self.pipeline.tick(self.t_ns)
-            state = self.health.state
+            state = self.pipeline.service.state.value
             if not self.seen.states or self.seen.states[-1][1] != state:
                 self.seen.states.append((self.t_s, state))
         return self

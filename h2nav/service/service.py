@@ -198,12 +198,17 @@ class Service:
         return identity.description if identity is not None else ""
 
     @property
+    def state(self) -> ServiceState:
+        """How it judges itself, alone; the record of its health costs more."""
+        return self._standing.verdict.state
+
+    @property
     def health(self) -> records.HealthRecord:
         """The state as logged and displayed."""
         row = self._estimation.imu_message
         difference = self._comparing.witness.latest
         return records.HealthRecord(
-            state=self._standing.verdict.state.value,
+            state=self.state.value,
             reason=self._standing.verdict.reason,
             cause=self._standing.verdict.cause,
             autopilot=str(self._autopilot.identity or ""),
@@ -595,7 +600,7 @@ class Service:
     def _heartbeat(self, _t_ns: int) -> list[Effect]:
         if self._link_error is not None:
             return []
-        messages = [outbound.heartbeat(SYSTEM_STATUS[self._standing.verdict.state])]
+        messages = [outbound.heartbeat(SYSTEM_STATUS[self.state])]
         if self._settings.output.arming_opinion:
             messages.append(outbound.arming_opinion(self._before_arming.opinion))
         return self._send_all(messages)
@@ -724,7 +729,7 @@ class Service:
         reported = self._standing.report(t_ns, is_starting=self._pulse.is_starting(t_ns))
         if not has_changed:
             return reported
-        if self._standing.verdict.state not in (ServiceState.ACTIVE, ServiceState.DEGRADED):
+        if self.state not in (ServiceState.ACTIVE, ServiceState.DEGRADED):
             self._outputs.forget()
         return [*reported, Record("/health", self.health)]
 

@@ -1,5 +1,6 @@
 """What the identity programs compute, by Python integers, for every integer filter."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
@@ -90,6 +91,7 @@ class Run(NamedTuple):
     bits: dict[int, int]
 
 
+@functools.cache  # several compilers and boards are compared with the same run
 def run(identity: Identity, steps: int) -> Run:
     """The identity program in Python integers."""
     gains = identity.form.image(gain_files.load(identity.gains), identity.gains).gains

@@ -11,7 +11,7 @@ from agreement.identity import IDENTITIES, Identity, Run, run
 from h2nav.attitude.record import size_of
 
 STEPS = 1 << 18  # both halves of the samples: phases of some kinds, and of all
-AVR_STEPS = 20_000  # several rounds of everything; a simulated AVR is slow
+AVR_STEPS = 16_384  # three rounds and more, and two places; a simulated AVR is slow
 
 
 @pytest.fixture(scope="module", params=sorted(IDENTITIES))

@@ -1,6 +1,7 @@
 """Rules of the code that neither ruff nor import-linter can hold."""
 
 import ast
+import functools
 import re
 import tomllib
 from collections import defaultdict
@@ -14,7 +15,6 @@ SOURCES = {
     path.relative_to(REPOSITORY).as_posix(): path.read_text(encoding="utf-8")
     for path in sorted((REPOSITORY / "h2nav").rglob("*.py"))
 }
-TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
 
 # Every kernel declares its records under the same names; `import h2nav` has names for its users.
 KERNEL_RECORDS = {"State", "Workspace", "Gains", "Sample"}
@@ -39,8 +39,14 @@ FIGURE = re.compile(r"\(figure (\w+)\.(\w+)\)")
 KERNELS_RUN_IN = ("h2nav/attitude/", "h2nav/integrity/watch.py")
 
 
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    """The syntax of every module; not parsed where the tests are only collected."""
+    return {path: ast.parse(text) for path, text in SOURCES.items()}
+
+
 def classes(path: str) -> Iterator[ast.ClassDef]:
-    return (node for node in TREES[path].body if isinstance(node, ast.ClassDef))
+    return (node for node in trees()[path].body if isinstance(node, ast.ClassDef))
 
 
 def test_a_public_class_has_a_name_of_its_own() -> None:
@@ -70,7 +76,7 @@ def test_state_and_workspace_share_no_field(path: str) -> None:
 def test_nothing_parses_a_text_meant_for_people() -> None:
     found = [
         f"{path}:{node.lineno}: {ast.unparse(node)}"
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         if path not in OF_AUTOPILOTS
         for node in ast.walk(tree)
         if is_parsed(node)
@@ -110,7 +116,7 @@ def test_the_rule_sees_a_text_that_is_parsed() -> None:
 def test_no_object_sets_an_attribute_of_another_one_that_it_holds() -> None:
     found = [
         f"{path}:{target.lineno}: {ast.unparse(target)}"
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         if not path.startswith(KERNELS_RUN_IN)
         for node in ast.walk(tree)
         for target in targets(node)
