@@ -4,14 +4,17 @@
 eigenvalues and one linear system, `accept` decides whether the result of a method is optimal.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
-from h2nav.synthesis.method import Candidate
+from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.plant import Matrix, Plant
-from h2nav.synthesis.riccati import closed_loop_covariance, optimal_gain
+from h2nav.synthesis.riccati import closed_loop_covariance, optimal_gain, solve_riccati
 from h2nav.synthesis.scaling import DeltaPlant, delta_form, delta_gain
 
 # Slack by which X and Q exceed the true covariance, so that the inequalities hold strictly.
@@ -249,3 +252,33 @@ def _noisier(plant: Plant, L: Matrix, P: Matrix) -> Plant:
         C_z=plant.C_z,
         dt_s=plant.dt_s,
     )
+
+
+class Compared(NamedTuple):
+    """A method's result beside the reference's."""
+
+    candidate: Candidate
+    proof: LoopCertificate
+    distance: float  # of its gain from the reference's
+
+
+def compared(
+    plant: Plant, reference: Candidate, lmi_solvers: Sequence[str]
+) -> Iterator[tuple[str, Compared | str]]:
+    """Yields the name and the result of every other method; why, if its gain is not trustworthy."""
+    methods: dict[str, Callable[[Plant], Candidate]] = {"riccati": solve_riccati}
+    if lmi_solvers:
+        # Imported here: cvxpy takes a second, and checking a certificate needs no solver.
+        from h2nav.synthesis.lmi import solve_lmi
+
+        for solver in lmi_solvers:
+            methods[f"lmi_{solver.lower()}"] = partial(solve_lmi, solver=solver)
+    methods.pop(reference.method, None)
+    for name, solve in methods.items():
+        try:
+            candidate = solve(plant)
+            proof = accept(plant, candidate)
+        except (SynthesisError, CertificateError) as error:
+            yield name, str(error)
+        else:
+            yield name, Compared(candidate, proof, relative_distance(candidate.L, reference.L))

@@ -6,7 +6,6 @@ also synthesised, by every method: the constant-gain filter uses its gain.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +20,11 @@ from h2nav.attitude.constant_gain.sensor_gains import (
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.gains.envelope import GainFile
 from h2nav.errors import BadInput
-from h2nav.synthesis.certificate import CertificateError, LoopCertificate, accept
+from h2nav.synthesis.certificate import LoopCertificate, accept, compared
 from h2nav.synthesis.closed_form import attitude_bias_gain, attitude_gain
 from h2nav.synthesis.constant_gain import fixed_point_section
 from h2nav.synthesis.gain_certificate import Loop, certified
-from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
+from h2nav.synthesis.method import Candidate
 from h2nav.synthesis.model import (
     SensorModel,
     densities,
@@ -41,7 +40,6 @@ from h2nav.synthesis.plant import (
     attitude_plant,
     discretise,
 )
-from h2nav.synthesis.riccati import solve_riccati
 
 WITH_BIAS = "attitude_and_bias"
 WITHOUT_BIAS = "attitude"
@@ -178,32 +176,17 @@ def _compare(
     }
     seconds = {}
     largest = 0.0
-    for name, solve in _methods(lmi_solvers).items():
-        try:
-            candidate = solve(plant)
-            proof = accept(plant, candidate)
-        except (SynthesisError, CertificateError) as error:
-            section[name] = {"refused": str(error)}
+    for name, found in compared(plant, closed_form, lmi_solvers):
+        if isinstance(found, str):
+            section[name] = {"refused": found}
             continue
-        distance = relative_distance(candidate.L, closed_form.L)
+        candidate, proof, distance = found
         largest = max(largest, distance)
         section[name] = _recorded(candidate, proof, distance)
         if candidate.wall_time_s is not None:
             seconds[name] = candidate.wall_time_s
     section["disagreement"] = float(f"{largest:.2g}")
     return section, seconds
-
-
-def _methods(lmi_solvers: Sequence[str]) -> dict[str, Callable[[Plant], Candidate]]:
-    """The methods compared with the closed form."""
-    methods: dict[str, Callable[[Plant], Candidate]] = {"riccati": solve_riccati}
-    if lmi_solvers:
-        # Imported here: cvxpy takes a second, and checking a certificate needs no solver.
-        from h2nav.synthesis.lmi import solve_lmi
-
-        for solver in lmi_solvers:
-            methods[f"lmi_{solver.lower()}"] = partial(solve_lmi, solver=solver)
-    return methods
 
 
 def _recorded(candidate: Candidate, proof: LoopCertificate, distance: float) -> dict[str, object]:

@@ -5,8 +5,7 @@ velocity by the tilt, and the velocity is what is (pseudo-)measured. The gain de
 omega0^2 = g sigma_w / n_v, so a ladder of sets, a factor 2 apart, serves every pair of noises.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +24,9 @@ from h2nav.attitude.velocity_aided.integer.memory import PERIODS, SETS, Gains
 from h2nav.attitude.velocity_aided.parameters import PARAMETERS
 from h2nav.errors import BadInput
 from h2nav.maths.units import DEG
-from h2nav.synthesis.certificate import CertificateError, accept, spectrum
+from h2nav.synthesis.certificate import accept, compared, spectrum
 from h2nav.synthesis.gain_certificate import Loop, certified
-from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
+from h2nav.synthesis.method import Candidate
 from h2nav.synthesis.plant import Matrix, Plant, discretise
 from h2nav.synthesis.riccati import solve_riccati
 from h2nav.validation import key_complaints, numbers_within
@@ -233,23 +232,11 @@ def _compare(
     section: dict[str, object] = {
         reference.method: {"h2_norm": accept(plant, reference).h2_norm, "distance": 0.0}
     }
-    solvers: dict[str, Callable[[Plant], Candidate]] = {"riccati": solve_riccati}
-    if lmi_solvers:
-        # Only here: cvxpy takes a second to import, and checking a certificate needs no solver.
-        from h2nav.synthesis.lmi import solve_lmi
-
-        for solver in lmi_solvers:
-            solvers[f"lmi_{solver.lower()}"] = partial(solve_lmi, solver=solver)
-    for name, solve in solvers.items():
-        if name in section:
+    for name, found in compared(plant, reference, lmi_solvers):
+        if isinstance(found, str):
+            section[name] = {"refused": found}
             continue
-        try:
-            candidate = solve(plant)
-            proof = accept(plant, candidate)
-        except (SynthesisError, CertificateError) as error:
-            section[name] = {"refused": str(error)}
-            continue
-        distance = relative_distance(candidate.L, reference.L)
+        candidate, proof, distance = found
         section[name] = {"h2_norm": proof.h2_norm, "distance": float(f"{distance:.2g}")}
         if candidate.wall_time_s is not None:
             wall_time_s[name] = wall_time_s.get(name, 0.0) + candidate.wall_time_s
