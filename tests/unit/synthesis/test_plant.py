@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import so3
 from scipy.linalg import expm
 
+from h2nav.maths import so3
 from h2nav.synthesis.plant import (
     Plant,
     VectorSensor,
