@@ -9,6 +9,7 @@ from synthetic_imu import FIELD, Disturbance, RateLaw, fly, still
 from velocity_flights import (
     FLYING,
     accelerating,
+    follow,
     heading_apart,
     new_filter,
     with_samples,
@@ -23,6 +24,27 @@ NO_BIAS = (0.0, 0.0, 0.0)
 def gentle(t: float) -> Vec3:
     """Some 10 deg of roll and pitch, 30 deg of yaw."""
     return (0.2 * math.cos(1.2 * t), 0.25 * math.cos(0.9 * t + 1.0), 0.15 * math.sin(0.3 * t))
+
+
+# --- latency ------------------------------------------------------------------------------------
+
+
+def about_the_vertical(t: float) -> Vec3:
+    """Half a turn to and fro, without a tilt."""
+    return (0.0, 0.0, 1.5 * math.sin(1.5 * t))
+
+
+@pytest.mark.parametrize(("velocities", "least_s", "most_s"), [(1, 0.025, 0.04), (0, 0.0, 0.001)])
+def test_turns_about_the_vertical_show_the_latency_once_velocities_hold_the_filter(
+    velocities: int, least_s: float, most_s: float
+) -> None:
+    """Of 40 ms, of which the expectation of none keeps a fifth after a minute."""
+    drive = accelerating(60.0, 61, lambda _: NO_BIAS, about_the_vertical, bias_b=NO_BIAS)
+    fields = [sample.m_b_ut for sample in drive.flight.samples]
+    late = with_samples(drive, lambda i, s: s._replace(m_b_ut=fields[max(0, i - 4)]))
+    filter_ = new_filter(knows_field=True)
+    follow(filter_, late, until=None if velocities else 0)
+    assert least_s < filter_.field_latency_s < most_s
 
 
 # --- gate on the heading ------------------------------------------------------------------------

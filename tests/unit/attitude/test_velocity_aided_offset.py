@@ -11,6 +11,7 @@ from velocity_flights import (
     follow,
     heading_apart,
     new_filter,
+    part,
     with_samples,
 )
 
@@ -54,6 +55,20 @@ def test_an_offset_is_learnt_while_velocities_show_the_heading(iron: Vec3) -> No
     assert last is not None
     assert abs(heading_apart(drive.flight.q_nb[-1], last.q_nb)) < 1.5 * DEG
     assert share_beyond(drive, found) < 0.02
+
+
+def test_iron_that_norm_and_dip_show_is_doubted_until_it_is_learnt() -> None:
+    drive = with_iron(accelerating(60.0, 53, bias_b=NO_BIAS))
+    filter_ = new_filter(knows_field=True)
+    shown = []
+    for first in range(0, 6000, 20):
+        follow(filter_, part(drive, first, first + 20), latency=0)
+        shown.append(filter_.kernel_state.iron_shown)
+    assert max(shown) == 1.0
+    assert shown[-1] == 0.0
+    sound = new_filter(knows_field=True)
+    follow(sound, accelerating(60.0, 53, bias_b=NO_BIAS))
+    assert sound.kernel_state.iron_shown == 0.0
 
 
 def test_it_is_not_learnt_without_velocities() -> None:

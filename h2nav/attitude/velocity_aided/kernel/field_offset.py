@@ -98,6 +98,13 @@ def predict_offset(s: State, w: Workspace, g: Gains, dt: float) -> None:
         s.p_offset[5] = s.p_offset[5] + g.offset_walk * dt
 
 
+def is_doubted(s: State, g: Gains) -> float:
+    """Returns 1 while the offset is less certain than that of a calibrated compass."""
+    if s.p_offset[0] + s.p_offset[3] + s.p_offset[5] > 3.0 * g.offset_variance:
+        return 1.0
+    return 0.0
+
+
 def offset_spread(s: State, w: Workspace) -> float:
     """The offset's part in the variance of the heading by the field."""
     times_offset(s, w)

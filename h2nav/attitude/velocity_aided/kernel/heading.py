@@ -7,7 +7,7 @@ import math
 
 from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Sample, State, Workspace
 from .aiding import measure_all
-from .field_offset import correct_offset, offset_spread, open_offset
+from .field_offset import correct_offset, is_doubted, offset_spread, open_offset
 from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta, times_covariance
 
@@ -21,6 +21,9 @@ MODEL_TIME = 40.0  # s
 SHOWN_TIME = 2.0  # s
 SLOW_SAMPLE = 0.0225  # s: a tilt from slower samples says little about norm and dip
 SHOWN_SIGMAS_2 = 8.0
+# Turns about the vertical within this time show the latency; over a longer one the gyro's scale
+# turns the heading, too.
+TURN_TIME = 3.0  # s
 OLDEST_FIELD = 1.0  # s: the longest time that a sample stands for
 
 
@@ -205,6 +208,7 @@ def learn_field(
     weight = age / (reference * reference)
     s.mag_lag_num = s.mag_lag_num + weight * (down * down_rate + level * flat_rate)
     s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
+    learn_from_turns(s, w, g, weight * flat * flat, flat, lag, age)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
     # A learnt reference agrees with the field that it comes from.
@@ -222,6 +226,28 @@ def learn_field(
         share = age / (g.mag_ref_time_s + age)
         s.mag_ref_norm = reference + share * (norm - reference)
         s.mag_ref_dip = s.mag_ref_dip + share * more_dip
+
+
+def learn_from_turns(
+    s: State, w: Workspace, g: Gains, weight: float, flat: float, lag: float, age: float
+) -> None:
+    """Updates the latency by how the heading's innovation changes with the rate of turn.
+
+    Norm and dip show nothing of a turn about the vertical. Source: docs/filter.md Eq. (71).
+    """
+    turn = (w.mag_ned[0] * w.dtheta[1] - w.mag_ned[1] * w.dtheta[0]) / (flat * flat + 1e-9)
+    share = age / (TURN_TIME + age)
+    s.mag_turn = s.mag_turn + share * (turn - s.mag_turn)
+    s.mag_turn_error = s.mag_turn_error + share * (s.innovation[2] - s.mag_turn_error)
+    if s.aided == 0.0 or s.mag_ref_given == 0.0 or s.mag_accepted_age_s < 0.0:
+        return
+    if is_doubted(s, g) > 0.0:
+        # The heading follows the velocities, and the innovation with it.
+        return
+    turn = turn - s.mag_turn
+    error = s.innovation[2] - s.mag_turn_error
+    s.mag_lag_num = s.mag_lag_num + weight * turn * (lag * turn - error)
+    s.mag_lag_den = s.mag_lag_den + weight * turn * turn
 
 
 def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age: float) -> float:
@@ -307,12 +333,15 @@ def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
 
     Source: docs/filter.md Eq. (23), (61).
     """
+    if is_doubted(s, g) == 0.0:
+        s.iron_shown = 0.0
     if g.offset_variance == 0.0 or s.mag_offset_s < SHOWN_TIME:
         return
     shown = s.mag_offset_norm * s.mag_offset_norm + s.mag_offset_dip * s.mag_offset_dip
     known = s.p_offset[0] + s.p_offset[3] + s.p_offset[5]
     if shown > SHOWN_SIGMAS_2 * g.offset_variance and shown > known:
         open_offset(s, w, shown)
+        s.iron_shown = 1.0
         s.mag_offset_s = 0.0
         s.mag_offset_norm = 0.0
         s.mag_offset_dip = 0.0

@@ -134,7 +134,11 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
             row = SETS * (i + 1)
     s.k_tilt = g.k_fix_tilt[row + number]
     s.k_velocity = g.k_fix_velocity[row + number]
-    noise = s.startup_inflation * g.fix_inflation * density / (period * (1.0 - s.k_velocity))
+    inflation = g.fix_inflation
+    if s.iron_shown > 0.0:
+        # A wrong heading moves the velocity within seconds; the fixes' colour is slower.
+        inflation = 1.0
+    noise = s.startup_inflation * inflation * density / (period * (1.0 - s.k_velocity))
     correct_by_fix(s, w, g, sample, north, east, noise)
     return FORCE_USED | VELOCITY_USED
 
