@@ -95,8 +95,6 @@ def _known(sigma: Array) -> Array:
 
 
 def _continuous(q: Array) -> Array:
-    if len(q) < 2:
-        return q
     flips = np.sign((q[1:] * q[:-1]).sum(axis=1))
     flips[flips == 0.0] = 1.0
     return q * np.concatenate(([1.0], np.cumprod(flips)))[:, None]

@@ -12,6 +12,7 @@ from types import FrameType
 import pytest
 
 IMPORTS_S = 60.0  # for the modules of all tests
+_TERMINAL = os.dup(2)  # before pytest captures what tests print
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -33,7 +34,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 def _limit(subject: str, seconds: float) -> None:
     def end(_signal: int, _frame: FrameType | None) -> None:
-        os.write(2, f"\nFAILED {subject} - processor timeout\n".encode())
+        os.write(_TERMINAL, f"\nFAILED {subject} - processor timeout\n".encode())
         os._exit(int(pytest.ExitCode.TESTS_FAILED))
 
     signal.signal(signal.SIGPROF, end)
