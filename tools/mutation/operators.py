@@ -138,6 +138,11 @@ class _Finder(ast.NodeVisitor):
         else:
             self.generic_visit(node)
 
+    def visit_keyword(self, node: ast.keyword) -> None:
+        """``zip(..., strict=True)`` is an assertion, too."""
+        if node.arg != "strict":
+            self.visit(node.value)
+
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         """Decorators of a class are declarations."""
         for part in node.body:

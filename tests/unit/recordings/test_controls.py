@@ -113,6 +113,28 @@ def test_a_dataflash_log_of_2014(tmp_path: Path):
     assert context.board_v.values[0] == pytest.approx(4.98)
 
 
+def test_compasses_and_vibrations_are_those_of_their_messages(tmp_path: Path):
+    writer = DataflashWriter()
+    settings(writer, TIMES, COMPASS_USE2=0)
+    for number, field in ((0, (200, 0, 450)), (1, (0, 0, 0))):
+        writer.add("MAG", "QBhhh", "TimeUS,I,MagX,MagY,MagZ", TIMES, number, *field)
+    columns = "TimeUS,VibeX,VibeY,VibeZ,Clip0,Clip1"  # until 2020
+    writer.add("VIBE", "QfffII", columns, TIMES, 3.0, 4.0, 5.0, 7, 8)
+    path = tmp_path / "log.bin"
+    path.write_bytes(writer.bytes())
+    log = open_dataflash(path)
+    assert log.unix_start_ns == 0  # without a receiver there is no date
+    context = log.context()
+    used, dead = context.compass_rows
+    assert (used.compass, used.rows, used.changes) == (0, len(TIMES), 0)
+    assert (used.is_zero, used.is_used) == (False, True)
+    assert (dead.compass, dead.is_zero, dead.is_used) == (1, True, False)
+    first, second = context.vibrations
+    assert (first.imu, first.level[0].tolist(), first.clipped[0]) == (0, [3, 4, 5], 7)
+    assert (second.imu, second.clipped[0]) == (1, 8)
+    assert np.isnan(second.level).all()
+
+
 def test_events_have_the_names_of_ardupilot(tmp_path: Path):
     # LogEvent of AP_Logger.h; 26, simple mode, is of no interest.
     told = {
@@ -212,6 +234,7 @@ def test_a_log_of_px4(tmp_path: Path):
     shares[:, :4] = 0.25
     shares[50:, 1] = np.nan
     writer.add("actuator_motors", "float[12] control", TIMES, shares)
+    writer.add("vehicle_thrust_setpoint", "float[3] xyz", TIMES, [0.0, 0.0, -0.4])
     writer.add("vehicle_local_position", "float z;float vz", TIMES, -7.0, 1.5)
     supply = (16.0, 8.0, 0.5, np.where(ONCE[0] > TIMES, 0, 2))
     fields = "float voltage_v;float current_a;float remaining;uint8_t warning"
@@ -230,6 +253,8 @@ def test_a_log_of_px4(tmp_path: Path):
     assert context.motors is not None
     assert context.motors.pwm_us[0] == pytest.approx(1250.0)
     assert math.isnan(context.motors.pwm_us[60, 1])
+    assert context.throttle is not None
+    assert context.throttle.values[0] == pytest.approx(0.4)
     assert context.height_m is not None
     assert context.climb_m_s is not None
     assert (context.height_m.values[0], context.climb_m_s.values[0]) == (7.0, -1.5)
