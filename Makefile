@@ -24,7 +24,7 @@ demo: $(FOR_DEMO)  ## fake autopilot + daemon + log + error table; needs nothing
 	@$(BIN)/h2nav demo --log-dir logs
 
 test: $(FOR_TESTS)  ## every test
-	@$(BIN)/pytest -n auto
+	@$(BIN)/pytest -n auto --dist worksteal
 
 check: $(FOR_TESTS)  ## lint, format, types, import rules
 	@$(BIN)/ruff check --quiet .
