@@ -1,8 +1,8 @@
 """Measures the rate of each message, whoever requested it."""
 
 import math
+from array import array
 from bisect import bisect_left
-from collections import Counter
 from typing import NamedTuple
 
 SAMPLING_NS = 100_000_000
@@ -35,25 +35,34 @@ class ArrivalCount(NamedTuple):
 
 class _Snapshot(NamedTuple):
     t_ns: int
-    counts: dict[int, int]
+    counts: "array[int]"  # by place: a dictionary would be four times as large
+
+    def count(self, place: int | None) -> int:
+        """Of the message with this place; 0 if it had not come."""
+        return self.counts[place] if place is not None and place < len(self.counts) else 0
 
 
 class RateMeter:
     """Counts messages, and takes snapshots ten times a second."""
 
     def __init__(self) -> None:
-        self._counts: Counter[int] = Counter()
+        self._places: dict[int, int] = {}  # of the messages, in the order of their first arrival
+        self._counts = array("q")
         self._snapshots: list[_Snapshot] = []
         self._times_ns: list[int] = []  # of the snapshots, to find one quickly
         self._first_ns: dict[int, int] = {}
 
     def arrived(self, message_id: int) -> None:
         """Counts a message."""
-        self._counts[message_id] += 1
+        place = self._places.setdefault(message_id, len(self._counts))
+        if place == len(self._counts):
+            self._counts.append(0)
+        self._counts[place] += 1
 
     def restart(self) -> None:
         """Forgets all arrivals."""
-        self._counts.clear()
+        self._places.clear()
+        self._counts = array("q")
         self._snapshots.clear()
         self._times_ns.clear()
         self._first_ns.clear()
@@ -62,9 +71,9 @@ class RateMeter:
         """Takes a snapshot at host time `t_ns`; returns False if it is not yet due."""
         if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
-        for message_id in self._counts.keys() - self._first_ns.keys():
+        for message_id in self._places.keys() - self._first_ns.keys():
             self._first_ns[message_id] = t_ns
-        self._snapshots.append(_Snapshot(t_ns, dict(self._counts)))
+        self._snapshots.append(_Snapshot(t_ns, self._counts[:]))
         self._times_ns.append(t_ns)
         old = bisect_left(self._times_ns, t_ns - LONGEST_SPAN_NS)
         del self._snapshots[:old], self._times_ns[:old]
@@ -77,7 +86,8 @@ class RateMeter:
         place = bisect_left(self._times_ns, t_ns)
         first = self._snapshots[min(place, len(self._snapshots) - 1)]
         last = self._snapshots[-1]
-        messages = last.counts.get(message_id, 0) - first.counts.get(message_id, 0)
+        column = self._places.get(message_id)
+        messages = last.count(column) - first.count(column)
         return ArrivalCount(messages, (last.t_ns - first.t_ns) * 1e-9)
 
     def hz(self, message_id: int, span_ns: int = SPAN_NS) -> float | None:
