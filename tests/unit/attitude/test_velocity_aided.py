@@ -117,10 +117,19 @@ def test_a_slow_turn_of_an_armed_vehicle_on_the_ground_is_not_taken_for_a_bias()
             filter_.use_vehicle(GROUND._replace(is_armed=True))
         estimate = filter_.update(sample)
     assert estimate is not None
-    assert not estimate.trust & Trust.REST
     assert bias_error_deg_s(estimate, (0.0, 0.0, 0.0)) < 0.05
     disarmed = run(new_filter(GROUND), flight.samples)[-1][1]
     assert bias_error_deg_s(disarmed, turn) < 0.05
+
+
+def test_a_bias_that_is_unknown_is_learnt_at_rest_by_an_armed_vehicle_too() -> None:
+    """A log that begins with arming holds no other rest; without a field nothing else shows it."""
+    flight = fly(still, 10.0, 4, bias_b=GENTLE_BIAS)
+    last = run(new_filter(GROUND._replace(is_armed=True)), flight.samples)[-1][1]
+    assert bias_error_deg_s(last, GENTLE_BIAS) < 0.1
+    blind = [sample._replace(m_b_ut=None) for sample in flight.samples]
+    last = run(new_filter(GROUND._replace(is_armed=True)), blind)[-1][1]
+    assert bias_error_deg_s(last, GENTLE_BIAS) < 0.02
 
 
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 200.0, 1000.0])

@@ -308,9 +308,19 @@ def test_the_bias_at_rest_is_learnt_on_the_ground_only() -> None:
     assert on_ground is not None
     assert on_ground.trust & Trust.REST
     assert on_ground.bias_b == pytest.approx(BIAS, abs=0.02 * DEG)
-    for moving in (FLYING, GROUND._replace(is_armed=True)):
-        found = drive(new_filter(moving), flight.samples)
-        assert not any(e is None or e.trust & Trust.REST for e in found)
+    in_the_air = drive(new_filter(FLYING), flight.samples)
+    assert not any(e is None or e.trust & Trust.REST for e in in_the_air)
+
+
+def test_armed_on_the_ground_only_an_unknown_bias_is_learnt_at_rest() -> None:
+    """A rotor turns a helicopter; a log that begins with arming holds no other rest."""
+    filter_ = new_filter(GROUND._replace(is_armed=True))
+    found = drive(filter_, fly(still, 10.0, 4, bias_b=BIAS).samples)
+    assert any(e is not None and e.trust & Trust.REST for e in found)
+    last = found[-1]
+    assert last is not None
+    assert not last.trust & Trust.REST
+    assert last.bias_b == pytest.approx(BIAS, abs=0.1 * DEG)
 
 
 def test_a_level_that_contradicts_rest_is_taken_anew() -> None:

@@ -12,6 +12,7 @@ from .theta import apply_theta, measure_theta
 
 SIGMAS_2 = 9.0  # a rate this far from the known bias is not a bias
 FLOOR = 3.0e-6  # (0.1 deg/s)^2
+UPRIGHT_2 = 0.25  # squared cosine: an axis within 60 deg of the vertical
 # MAVLink's rates are whole mrad/s, rounded towards zero: without noise they hide up to 1 mrad/s,
 # with a deviation of 1 over the root of 3. A noise of 0.5 mrad/s shows it.
 HIDDEN = 3.3e-7  # (rad/s)^2
@@ -39,9 +40,6 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         if math.fabs(s.gyro_lp[i]) > g.bias_limit:
             slow = 0.0
     still = slow * sample.rest_prior
-    if still == TURNABLE:
-        # A rotor's torque turns a helicopter on its skids by some tenths of a degree per second.
-        still = 0.0
     if still == 1.0:
         # A slow turn looks like rest in these signals: the bias must not jump by it.
         still = 1.0 - moves(s, 0, s.p_xx) - moves(s, 1, s.p_yy) - moves(s, 2, s.p_zz)
@@ -57,9 +55,26 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if s.rest_s < g.rest_time_s:
         return 0
     noise = g.rest_noise / dt
-    for i in range(3):
-        measure_bias(s, w, i, noise)
+    if sample.rest_prior < TURNABLE or turns(s, w, 0, s.p_xx) == 0.0:
+        measure_bias(s, w, 0, noise)
+    if sample.rest_prior < TURNABLE or turns(s, w, 1, s.p_yy) == 0.0:
+        measure_bias(s, w, 1, noise)
+    if sample.rest_prior < TURNABLE or turns(s, w, 2, s.p_zz) == 0.0:
+        measure_bias(s, w, 2, noise)
     return REST
+
+
+def turns(s: State, w: Workspace, axis: int, variance: float) -> float:
+    """Returns 1 if an armed vehicle's slow turn on the ground may be in this axis' rate.
+
+    A rotor's torque turns a helicopter on its skids by some tenths of a degree per second, about
+    the vertical. A bias that is known less well, or that no field will show, is learnt all the
+    same.
+    """
+    upright = w.r_nb[6 + axis]
+    if s.mag_accepted_age_s >= 0.0 and variance < FLOOR and upright * upright > UPRIGHT_2:
+        return 1.0
+    return 0.0
 
 
 def doubt_steps(s: State, dt: float) -> None:

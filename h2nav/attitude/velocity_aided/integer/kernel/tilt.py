@@ -82,7 +82,9 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         return
     s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MOST_US)
     still = sample.rest_prior
-    if still == TURNABLE:
+    # a rotor may turn it about the vertical; a bias that is less known, or that no field will show,
+    # is learnt all the same
+    if still == TURNABLE and s.heading_reset == 0 and s.p_zz < REST_FLOOR:
         still = 0
     # a slow turn looks like rest in these signals: the bias must not jump by it
     if still == 1 and moves(s, 0, s.p_xx) + moves(s, 1, s.p_yy) + moves(s, 2, s.p_zz) > 0:
