@@ -62,7 +62,7 @@ wheels:  ## the wheels of a release for ARCH=amd64 and every machine, and the so
 fuzz: $(FOR_TESTS)  ## made-up input for everything that takes any, for MINUTES=5
 	@$(BIN)/python tools/fuzz.py explore --minutes $(or $(MINUTES),5)
 
-mutants: $(FOR_TESTS)  ## N=300 small faults put into ROOMS=service,reviews,motion,kernels: which does no test notice?
+mutants: $(FOR_TESTS)  ## N=300 small faults put into ROOMS=service,reviews,recordings,...: which does no test notice?
 	@$(BIN)/python tools/mutants.py -n $(or $(N),300) --seed $(or $(SEED),1) $(if $(ROOMS),--rooms $(ROOMS))
 
 golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review
