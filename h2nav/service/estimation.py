@@ -16,7 +16,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.integrity.compasses import Compasses, Level
+from h2nav.integrity.compasses import SAME_TIME_US, Compasses, Level
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
@@ -41,8 +41,6 @@ from h2nav.wire.vehicle import ParameterValue, Vibration
 LOOK_NS = 50_000_000
 # A new epoch reaches every lane within this time.
 EPOCH_NS = 10 * SECOND_NS
-# Fields of samples further apart in time are those of different attitudes.
-SAME_FIELD_US = 100_000
 # Two lanes whose attitudes differ.
 APART_RAD = math.radians(2.0)
 
@@ -373,7 +371,7 @@ class Estimation:
             if lane.newest is not None
             and lane.newest.m_b_ut is not None
             and not lane.field_is_raw
-            and abs(lane.newest.t_us - newest.t_us) <= SAME_FIELD_US
+            and abs(lane.newest.t_us - newest.t_us) <= SAME_TIME_US
         }
         fits = {lane.imu: lane.monitor.field_fits for lane in lanes}
         compasses = self._compasses
