@@ -99,6 +99,16 @@ def with_noise(drive: Drive, sigma_m_s: float, seed: int) -> Drive:
     return drive._replace(v_n=[(v[0] + n[0], v[1] + n[1], v[2] + n[2]) for v, n in pairs])
 
 
+def wandering(drive: Drive, size_m_s: float) -> Drive:
+    """The same flight with a receiver whose velocity swings slowly, within its accuracy."""
+    turns = [2.0 * math.pi * i / 2000.0 for i in range(len(drive.v_n))]
+    v_n = [
+        (v[0] + size_m_s * math.sin(a), v[1] + size_m_s * math.cos(a), v[2])
+        for v, a in zip(drive.v_n, turns, strict=True)
+    ]
+    return drive._replace(v_n=v_n)
+
+
 def with_turned_field(drive: Drive, angle: float, first_s: float, after_s: float) -> Drive:
     """The same flight in a field that is turned about the vertical for a while, rad."""
     turned = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)

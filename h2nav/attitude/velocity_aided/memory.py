@@ -19,6 +19,7 @@ MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each othe
 ON_GROUND = 2.0  # in `Sample.rest_prior`
 TURNABLE = 3.0  # the same: on the ground, but motors run
 FORCE_LOST = 2.0  # in `Sample.clipped`: the rate is sure, and there is no force
+OLDEST_FIELD = 1.0  # s: the longest time that a field stands for
 HEADING_LOST = -2.0  # as mag_accepted_age_s: the next field gives the heading, whatever its dip
 
 # bits of a step's result
@@ -113,7 +114,7 @@ class State:
     p_offset_x: list[float] = reals(4, "", "covariance of theta with the offset x")
     p_offset_y: list[float] = reals(4, "", "covariance of theta with the offset y")
     p_offset_z: list[float] = reals(4, "", "covariance of theta with the offset z")
-    iron_shown: float = real("", "1: norm and dip have shown an offset that is not known yet")
+    iron_shown: float = real("", "1: the norm has shown an offset that is not known yet")
     gyro_last: list[float] = reals(3, "rad/s", "rate of the sample before")
     gyro_step: list[float] = reals(3, "rad/s", "change of the rate to that sample")
     rate_is_fine: float = real("", "1: the rate's resolution is finer than MAVLink's step")

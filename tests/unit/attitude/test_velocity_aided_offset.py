@@ -12,6 +12,7 @@ from velocity_flights import (
     heading_apart,
     new_filter,
     part,
+    wandering,
     with_samples,
 )
 
@@ -57,7 +58,7 @@ def test_an_offset_is_learnt_while_velocities_show_the_heading(iron: Vec3) -> No
     assert share_beyond(drive, found) < 0.02
 
 
-def test_iron_that_norm_and_dip_show_is_doubted_until_it_is_learnt() -> None:
+def test_iron_that_the_norm_shows_is_doubted_until_it_is_learnt() -> None:
     drive = with_iron(accelerating(60.0, 53, bias_b=NO_BIAS))
     filter_ = new_filter(knows_field=True)
     shown = []
@@ -66,9 +67,30 @@ def test_iron_that_norm_and_dip_show_is_doubted_until_it_is_learnt() -> None:
         shown.append(filter_.kernel_state.iron_shown)
     assert max(shown) == 1.0
     assert shown[-1] == 0.0
-    sound = new_filter(knows_field=True)
-    follow(sound, accelerating(60.0, 53, bias_b=NO_BIAS))
-    assert sound.kernel_state.iron_shown == 0.0
+
+
+@pytest.mark.parametrize("swing_m_s", [0.0, 1.0])
+def test_a_tilt_that_a_receiver_bends_shows_no_iron(swing_m_s: float) -> None:
+    drive = wandering(accelerating(60.0, 53, bias_b=NO_BIAS), swing_m_s)
+    filter_ = new_filter(knows_field=True)
+    for first in range(0, 6000, 20):
+        follow(filter_, part(drive, first, first + 20), latency=0)
+        assert filter_.kernel_state.iron_shown == 0.0
+
+
+@pytest.mark.parametrize("fields", [True, False])
+def test_shown_iron_counts_only_while_fields_come(fields: bool) -> None:
+    drive = with_iron(accelerating(60.0, 53, bias_b=NO_BIAS))
+    sigmas = []
+    for shown in (0.0, 1.0):
+        filter_ = new_filter(knows_field=True)
+        follow(filter_, part(drive, 0, 2900))
+        follow(filter_, part(drive, 2900, 3020), field=False)
+        filter_.kernel_state.iron_shown = shown
+        last = follow(filter_, part(drive, 3020, 3200), field=fields)[-1]
+        assert last is not None
+        sigmas.append(last.sigma_heading_rad)
+    assert (sigmas[1] < sigmas[0]) == fields
 
 
 def test_it_is_not_learnt_without_velocities() -> None:

@@ -5,7 +5,16 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import FIELD_USED, HEADING_LOST, MOST_REJECTED, Gains, Sample, State, Workspace
+from ..memory import (
+    FIELD_USED,
+    HEADING_LOST,
+    MOST_REJECTED,
+    OLDEST_FIELD,
+    Gains,
+    Sample,
+    State,
+    Workspace,
+)
 from .aiding import measure_all
 from .field_offset import correct_offset, is_doubted, offset_spread, open_offset
 from .prediction import forget_sensitivities, gyro_density, set_matrix
@@ -24,7 +33,6 @@ SHOWN_SIGMAS_2 = 8.0
 # Turns about the vertical within this time show the latency; over a longer one the gyro's scale
 # turns the heading, too.
 TURN_TIME = 3.0  # s
-OLDEST_FIELD = 1.0  # s: the longest time that a sample stands for
 
 
 def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
@@ -341,7 +349,9 @@ def doubt_offset(s: State, w: Workspace, g: Gains) -> None:
     known = s.p_offset[0] + s.p_offset[3] + s.p_offset[5]
     if shown > SHOWN_SIGMAS_2 * g.offset_variance and shown > known:
         open_offset(s, w, shown)
-        s.iron_shown = 1.0
+        if s.mag_offset_norm * s.mag_offset_norm > SHOWN_SIGMAS_2 * g.offset_variance:
+            # The norm alone shows iron: a wrong tilt changes the dip, too.
+            s.iron_shown = 1.0
         s.mag_offset_s = 0.0
         s.mag_offset_norm = 0.0
         s.mag_offset_dip = 0.0

@@ -8,6 +8,7 @@ import math
 from ..memory import (
     FORCE_USED,
     MOST_REJECTED,
+    OLDEST_FIELD,
     PERIODS,
     RESTARTED,
     SETS,
@@ -135,7 +136,7 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     s.k_tilt = g.k_fix_tilt[row + number]
     s.k_velocity = g.k_fix_velocity[row + number]
     inflation = g.fix_inflation
-    if s.iron_shown > 0.0:
+    if s.iron_shown > 0.0 and s.mag_age_s < OLDEST_FIELD:
         # A wrong heading moves the velocity within seconds; the fixes' colour is slower.
         inflation = 1.0
     noise = s.startup_inflation * inflation * density / (period * (1.0 - s.k_velocity))
