@@ -29,6 +29,8 @@ GAINS = velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_10
 FLYING = VehicleState(on_ground=False)
 PERIOD = 20  # samples between fixes: 5 Hz
 DOWN = (0.0, 0.0, 1.0)
+# Of the norm: a few percent, across the nose.
+IRON: Vec3 = (0.02, -0.06, 0.04)
 
 
 class Drive(NamedTuple):
@@ -107,6 +109,17 @@ def wandering(drive: Drive, size_m_s: float) -> Drive:
         for v, a in zip(drive.v_n, turns, strict=True)
     ]
     return drive._replace(v_n=v_n)
+
+
+def with_iron(drive: Drive, iron: Vec3 = IRON) -> Drive:
+    """The same flight with an offset in the field, in shares of its norm."""
+
+    def change(_: int, sample: ImuSample) -> ImuSample:
+        assert sample.m_b_ut is not None
+        x, y, z = (m + FIELD.norm_ut * o for m, o in zip(sample.m_b_ut, iron, strict=True))
+        return sample._replace(m_b_ut=(x, y, z))
+
+    return with_samples(drive, change)
 
 
 def with_turned_field(drive: Drive, angle: float, first_s: float, after_s: float) -> Drive:

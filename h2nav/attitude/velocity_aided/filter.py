@@ -132,7 +132,14 @@ class VelocityAidedFilter(VelocityAidedShell):
             s.fix_lag_variance,
             gyro_density(s, self._g),
             s.accel_jitter,
+            self._field_offset_size,
         )
+
+    @property
+    def _field_offset_size(self) -> float:
+        """Of what is learnt of the offset, and one deviation of the rest, over the field's norm."""
+        s = self._state
+        return math.hypot(*s.field_offset[:], math.sqrt(sum(s.p_offset[i] for i in (0, 3, 5))))
 
     @property
     def _flies(self) -> bool:

@@ -6,6 +6,7 @@ import pytest
 from needs import DEG
 from synthetic_imu import FIELD
 from velocity_flights import (
+    IRON,
     Drive,
     accelerating,
     follow,
@@ -13,26 +14,13 @@ from velocity_flights import (
     new_filter,
     part,
     wandering,
-    with_samples,
+    with_iron,
 )
 
-from h2nav.attitude.samples import ImuSample, Trust, Vec3
+from h2nav.attitude.samples import Trust, Vec3
 
 NO_BIAS = (0.0, 0.0, 0.0)
 NONE: Vec3 = (0.0, 0.0, 0.0)
-# Of the norm: a few percent, across the nose.
-IRON: Vec3 = (0.02, -0.06, 0.04)
-
-
-def with_iron(drive: Drive, iron: Vec3 = IRON) -> Drive:
-    """The same flight with an offset in the field, in shares of its norm."""
-
-    def change(_: int, sample: ImuSample) -> ImuSample:
-        assert sample.m_b_ut is not None
-        x, y, z = (m + FIELD.norm_ut * o for m, o in zip(sample.m_b_ut, iron, strict=True))
-        return sample._replace(m_b_ut=(x, y, z))
-
-    return with_samples(drive, change)
 
 
 def share_beyond(drive: Drive, found, first: int = 0) -> float:

@@ -11,6 +11,7 @@ from velocity_flights import (
     accelerating,
     new_filter,
     turning,
+    with_iron,
     with_noise,
     with_samples,
     with_turned_field,
@@ -133,6 +134,20 @@ def test_a_wrong_yaw_rate_and_a_field_that_turns_are_not_told_apart():
     told = [a for _, alarms, _, _ in watched(swapped, gps=False) for a in alarms]
     both = ["both have turned" in a.evidence for a in told if a.kind == "gyro_field"]
     assert sum(both) > 0.5 * len(both) > 0.0
+
+
+def test_iron_that_the_filter_knows_opens_no_tilt():
+    """The field of a compass with iron turns in space as the vehicle turns."""
+    rows = watched(with_iron(flight(), (0.05, -0.1, 0.04)))
+    assert not any(alarms for _, alarms, _, _ in rows)
+    assert max(opened for t_s, _, _, opened in rows if t_s > 30.0) < 4.0 * DEG
+
+
+def test_swapped_axes_are_told_beside_iron_that_the_filter_knows():
+    drive = from_fault(lambda s: s._replace(w_b=(s.w_b[1], s.w_b[0], s.w_b[2])))
+    rows = watched(with_iron(drive, (0.05, -0.1, 0.04)))
+    assert 0.0 <= first_alarm(rows, "attitude_velocity") < 5.0
+    assert 0.0 <= first_alarm(rows, "gyro_field") < 12.0
 
 
 def test_a_gyro_step_is_told_and_the_deviation_opens():
