@@ -42,6 +42,7 @@ class Memory:
         "and in motion of four sizes, accelerometer and IMU likewise, compass",
     )
     longest: list[float] = reals(23, "", "longest honest run of repeated values among them")
+    runs: list[float] = reals(23, "", "honest runs of repeated values among them")
     run: list[float] = reals(10, "", "how often the values of a channel have come again")
     run_us: list[float] = reals(10, "us", "for how long")
     run_moved: list[float] = reals(10, "rad/s, m/s^2", "by how much the neighbour moved meanwhile")

@@ -8,8 +8,13 @@ A run r times as long as the longest one has at most the probability
 
 if a run is at least as likely to end after each value as before: of all the values seen none began
 a run longer than the longest (3 / seen would be the bound of 95 % for independent values;
-neighbours are not). A false alarm in 1e9 h at 100 Hz in any of ten channels has the logarithm -36;
-`ENOUGH` is a little more.
+neighbours are not). On the same condition a run of n values has at most the probability
+
+    (dispersion (1 + runs) / seen)^n
+
+as so many of them began a run at all; the smaller bound applies. A false alarm in 1e9 h at 100 Hz
+in any of ten channels has the logarithm -36; `ENOUGH` is a little more. A longest run out of
+proportion to the others refutes the condition, so fewer than five times as many are never enough.
 
 Noise at rest is not noise in motion, so a run is compared with the longest one at rest: if it is
 far longer than that, nothing else has to be known. While the vehicle turns, only runs count that
@@ -38,9 +43,9 @@ ENOUGH = 40.0
 SENSOR_DISPERSION = 30.0
 # How one axis moves relative to the others depends on the manoeuvre, which lasts.
 AXIS_DISPERSION = 100.0
-# A vehicle changes: the number of values counts no further.
+# A vehicle changes: the number of values, and of runs among them, counts no further.
 MOST_SEEN = 1e6
-# A smaller ratio is never enough.
+# Of a run to the longest one.
 LEAST_RATIO = 5.0
 # Of what the neighbour moved before.
 ALIVE = 0.5
@@ -106,25 +111,37 @@ def end_run(s: Memory, channel: int) -> None:
 def remember(s: Memory, channel: int, of: int) -> None:
     """Adds a run of one channel to the experience of another, or of the same."""
     at = place(of, s.run_turning[channel], s.run_counts[channel])
+    if s.seen[at] < MOST_SEEN:
+        s.runs[at] = s.runs[at] + 1.0
     if s.run[channel] > s.longest[at]:
         s.longest[at] = s.run[channel]
 
 
 def is_too_long(s: Memory, channel: int) -> int:
     """Returns 1 if no healthy run would be so long."""
+    least_us = SENSOR_US
+    if channel < AXES:
+        least_us = AXIS_US
+    if s.run_us[channel] < least_us or evidence(s, channel) < ENOUGH:
+        return 0
+    return 1
+
+
+def evidence(s: Memory, channel: int) -> float:
+    """Logarithm of the odds against a healthy run as long as the present one; 0: unknown."""
     calmest = place(channel, 0.0, 0.0)
     if channel < AXES:
-        if s.run_us[channel] < AXIS_US or moves_on(s, channel) == 0:
-            return 0
-        return is_rare(s, calmest, s.run[channel], AXIS_DISPERSION)
-    if s.run_us[channel] < SENSOR_US:
-        return 0
-    if is_rare(s, calmest, s.run[channel], SENSOR_DISPERSION) == 1:
-        return 1
+        if moves_on(s, channel) == 0:
+            return 0.0
+        return evidence_by(s, calmest, s.run[channel], AXIS_DISPERSION)
+    at_rest = evidence_by(s, calmest, s.run[channel], SENSOR_DISPERSION)
     if s.run_turning[channel] <= 0.0 or moves_on(s, channel) == 0:
-        return 0
+        return at_rest
     at = place(channel, 1.0, s.run_counts[channel])
-    return is_rare(s, at, s.run[channel], SENSOR_DISPERSION)
+    in_motion = evidence_by(s, at, s.run[channel], SENSOR_DISPERSION)
+    if in_motion > at_rest:
+        return in_motion
+    return at_rest
 
 
 def moves_on(s: Memory, channel: int) -> int:
@@ -134,14 +151,19 @@ def moves_on(s: Memory, channel: int) -> int:
     return 1
 
 
-def is_rare(s: Memory, at: int, run: float, dispersion: float) -> int:
-    """Returns 1 if, by the experience at this index, no healthy run would be so long."""
-    ratio = run / (s.longest[at] + 1.0)
-    if ratio < LEAST_RATIO or s.seen[at] <= dispersion:
-        return 0
-    if ratio * math.log(s.seen[at] / dispersion) < ENOUGH:
-        return 0
-    return 1
+def evidence_by(s: Memory, at: int, run: float, dispersion: float) -> float:
+    """The evidence by the experience at this index."""
+    if s.seen[at] <= dispersion:
+        return 0.0
+    seen = s.seen[at] / dispersion
+    longer = s.longest[at] + 1.0
+    of_longer = math.log(seen)
+    by_values = longer * math.log(seen / (1.0 + s.runs[at]))
+    if by_values > of_longer:
+        of_longer = by_values
+    if of_longer > ENOUGH / LEAST_RATIO:
+        of_longer = ENOUGH / LEAST_RATIO
+    return of_longer * run / longer
 
 
 def place(channel: int, turning: float, counts: float) -> int:

@@ -128,7 +128,7 @@ def test_a_lift_off_without_sideways_force_leaves_no_stuck_axis():
 def test_the_bound_holds_for_runs_that_end_at_any_value_alike():
     """A million values that come again with a given probability each, as the bound assumes."""
     rng = np.random.default_rng(3)
-    for probability in (0.01, 0.3, 0.9):
+    for probability in (0.0003, 0.01, 0.3, 0.9):
         change = rng.random(300_000) >= probability
         change[:3] = True
         gyro = np.cumsum(change) * GYRO_COUNT
@@ -136,3 +136,21 @@ def test_the_bound_holds_for_runs_that_end_at_any_value_alike():
         force = np.stack([0.0 * change, 0.0 * change, rng.normal(-9.8, 0.3, len(change))], 1)
         bits = watched(np.arange(len(change)) / 100.0, gyro, force)
         assert not (bits & (GYRO_FROZEN | FORCE_FROZEN)).any()
+
+
+@pytest.mark.parametrize(
+    ("stall", "later", "found"), [(0, 9, False), (0, 12, True), (8, 40, False)]
+)
+def test_rare_repeats_count_one_by_one_but_no_run_below_five_times_the_longest(stall, later, found):
+    """A gyro that repeats one value in a thousand, and perhaps stalled once, stalls again."""
+    n = 10_000
+    rng = np.random.default_rng(4)
+    gyro = 0.1 + 1e-6 * np.arange(2.0 * n)[:, None] * np.ones(3)
+    force = rng.normal(-9.8, 0.3, gyro.shape)
+    for i in range(500, n, 1_000):
+        gyro[i] = gyro[i - 1]
+    gyro[6_000 : 6_001 + stall] = gyro[6_000]
+    gyro[n : n + later + 1] = gyro[n]
+    bits = watched(np.arange(2.0 * n) / 100.0, gyro, force)
+    assert not bits[:n].any()
+    assert bits[n:].any() == found
