@@ -55,6 +55,7 @@ class SentSample(NamedTuple):
         unled: the filter's output: at the time at which the sample's values were true.
         event: REBOOT or NEW_EPOCH if the sample began a new epoch.
         switched: reports that another IMU is sent from this sample on, and why.
+        is_accused: the reading has shown that a sensor of any lane is faulty.
     """
 
     sample: ImuSample | None = None
@@ -62,6 +63,7 @@ class SentSample(NamedTuple):
     unled: AttitudeEstimate | None = None
     event: TimeVerdict | None = None
     switched: str = ""
+    is_accused: bool = False
 
 
 class Estimation:
@@ -226,6 +228,7 @@ class Estimation:
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
         """Takes a reading of the bound autopilot for which `considers` was True."""
         steps: dict[int, Step] = {}
+        is_accused = False
         if self._first_ns is None:
             self._first_ns = t_ns
         if t_ns - self._heard_ns > SILENT_NS:
@@ -236,15 +239,17 @@ class Estimation:
         incoming = Incoming(t_ns, message_id, reading, newest)
         for lane, need in self._takers:
             step = lane.take(incoming, need)
+            is_accused |= step.is_accused
             if step.sample is not None:
                 steps[lane.imu] = step
                 self._before_arming.on_sample(lane.imu, t_ns, step.sample)
         switched = ""
         if self._twins:
             self._find_twins(t_ns)
-            if t_ns - self._looked_ns >= LOOK_NS:
+            if is_accused or t_ns - self._looked_ns >= LOOK_NS:
                 switched = self._look(t_ns)
-        return self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), switched)
+        sent = self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), switched)
+        return sent._replace(is_accused=True) if is_accused else sent
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a rejected reading for which `considers` was True."""
@@ -298,7 +303,7 @@ class Estimation:
 
     def _sendable(self, t_ns: int, step: Step, switched: str) -> SentSample:
         """The part of a step that is sent, if its lane is; its times only increase."""
-        (sample, unled, of_step), lane = step, self._lane
+        (sample, unled, of_step, _), lane = step, self._lane
         if sample is None:
             return SentSample(switched=switched)
         event = lane.pop_event()

@@ -61,11 +61,15 @@ class Judgement:
         wrong = (alarm for alarm in self._findings.alarms if alarm.degrades)
         return tuple(Objection(alarm.cause, alarm.notice) for alarm in wrong)
 
-    def look(self, t_ns: int) -> list[Effect]:
-        """Called at a message; reports changes since the last call."""
+    def look(self, t_ns: int, *, at_once: bool = False) -> list[Effect]:
+        """Called at a message; reports changes since the last call.
+
+        Args:
+            at_once: the message has shown that a sensor is faulty, which does not wait.
+        """
         if self._start_ns is None:
             self._start_ns = t_ns
-        if t_ns - self._looked_ns < PERIOD_NS:
+        if not at_once and t_ns - self._looked_ns < PERIOD_NS:
             return []
         if 0 < self._looked_ns < t_ns - QUIET_NS:
             # An alarm before a pause is not known to hold after it.

@@ -52,9 +52,11 @@ class Step(NamedTuple):
     # the filter's output: at the time at which the sample's values were true
     unled: AttitudeEstimate | None = None
     event: TimeVerdict | None = None  # REBOOT or NEW_EPOCH if the sample began a new epoch
+    is_accused: bool = False  # the reading has shown that a sensor is faulty
 
 
 NO_STEP = Step()
+ACCUSED = Step(is_accused=True)
 
 
 class Lane:
@@ -89,7 +91,7 @@ class Lane:
         self._ends = RangeEnds()
         self.timing = SensorTiming(settings, identity)  # delays of the sensors
         self._velocity_is_dependent = False
-        self._is_frozen = False
+        self._use = Use.ALL
         self._counted_ns, self._counted = 0, 0
         # host time of the newest sample; None before the first
         self.last_used_ns: int | None = None
@@ -341,12 +343,12 @@ class Lane:
     ) -> Step:
         self.newest = sample
         use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
+        before, self._use = self._use, use
+        is_accused = use is not Use.ALL and use is not before
         if use is Use.NONE:
-            self._is_frozen = True
             self._trust.refuse(t_ns, "frozen")
-            return NO_STEP
-        if self._is_frozen:
-            self._is_frozen = False
+            return ACCUSED if is_accused else NO_STEP
+        if before is Use.NONE:
             self._filter.restart()
             self._monitor.restart()
         self._counted += 1
@@ -363,7 +365,7 @@ class Lane:
         except ArithmeticError:
             # A filter must not raise; if it does, the vehicle still needs the next attitude.
             self._restart("filter_error")
-            return Step(sample, event=event)
+            return Step(sample, event=event, is_accused=is_accused)
         # Attitude and rates are bounded, so a finite sum means that all of them are finite.
         if unled is not None and not math.isfinite(sum(unled.q_nb) + sum(unled.w_b)):
             self._restart("non_finite_estimate")
@@ -375,7 +377,7 @@ class Lane:
                 sigma_rad = math.hypot(unled.sigma_heading_rad, self._doubt_rad)
                 unled = unled._replace(sigma_heading_rad=sigma_rad)
         self._unled = unled
-        return Step(sample, unled, event)
+        return Step(sample, unled, event, is_accused)
 
 
 def _usable(sample: ImuSample, use: Use, *, is_at_end: bool, has_field: bool) -> ImuSample:

@@ -462,11 +462,14 @@ class Service:
     def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
         t_ns = envelope.t_ns
         outcome = self._estimation.take(t_ns, envelope.message_id, reading)
-        effects = self._judgement.look(t_ns) + self._before_arming.look(t_ns)
+        effects = self._judgement.look(t_ns, at_once=outcome.is_accused)
+        effects += self._before_arming.look(t_ns)
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         if outcome.switched:
             effects += self._notices.report(t_ns, Severity.WARNING, outcome.switched)
+        if outcome.is_accused:
+            effects += self._judge(envelope.now_ns)
         sample, estimate = outcome.sample, outcome.estimate
         if sample is None:
             return effects

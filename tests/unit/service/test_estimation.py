@@ -51,7 +51,7 @@ class Flight:
         self.without_force = set()
         self.biases = {}
         self.field, self.fields = (22.0, 0.0, -42.0), {}
-        self.outcomes = []
+        self.outcomes, self.all_outcomes = [], []
         self.texts = []
         self._random = random.Random(1)
         self._values = {}
@@ -85,6 +85,7 @@ class Flight:
         field = self.fields.get(message_id, self.field)
         reading = ImuReading(t_us // UNIT_US[message_id], *values, field, clipped=False, imu=imu)
         outcome = self.estimation.take(t_ns, message_id, reading)
+        self.all_outcomes.append(outcome)
         if outcome.switched:
             self.texts.append(outcome.switched)
         if outcome.sample is not None:
@@ -142,6 +143,7 @@ def test_a_frozen_sensor_is_left_and_told_once_and_times_only_grow():
     assert flight.message == SECOND
     assert len(flight.texts) == 1
     assert flight.texts[0].startswith("IMU 2 instead of 1: ")
+    assert sum(outcome.is_accused for outcome in flight.all_outcomes) == 1
     flight.frozen = set()
     flight.run(60.0)
     assert flight.message == SECOND  # there is no way back without a cause

@@ -36,6 +36,16 @@ def test_however_many_messages_come_it_looks_a_few_times_a_second() -> None:
     assert 20 <= always.asked <= 100
 
 
+def test_a_sensor_that_is_found_to_be_faulty_does_not_wait() -> None:
+    always = Always()
+    judgement = Judgement(lambda *_: [], always)
+    judgement.look(SECOND_NS)
+    judgement.look(SECOND_NS + 10_000_000)
+    assert always.asked == 1
+    judgement.look(SECOND_NS + 20_000_000, at_once=True)
+    assert always.asked == 2
+
+
 def test_what_was_wrong_before_a_pause_is_not_told_again_at_its_end() -> None:
     judgement = Judgement(lambda *_: [], Always())
     times = [t / 10.0 for t in range(10, 100)] + [60.0, 60.3, 60.6, 60.9]
