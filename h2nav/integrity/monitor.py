@@ -28,7 +28,15 @@ from h2nav.integrity.cause_alarms import cause_alarm
 from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.kernel.memory import BEGUN, DUE, FIELD_FROZEN, KEPT, ROW, THIN_ROW
+from h2nav.integrity.kernel.memory import (
+    BEGUN,
+    DUE,
+    FIELD_FROZEN,
+    KEPT,
+    ROW,
+    THIN_ROW,
+    UNSEEN_TURN,
+)
 from h2nav.integrity.kernel.windows import JUDGED_US
 from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
@@ -157,6 +165,10 @@ class Monitor:
         """Takes a sample before the filter does; returns what the filter may use."""
         bits = self._checked = self._watch.check(sample)
         self.field_is_frozen = bits & FIELD_FROZEN > 0
+        if bits & UNSEEN_TURN:
+            unseen_rad = self._watch.memory.unseen_rad
+            self._tilt_rad = max(self._tilt_rad, unseen_rad)
+            self._heading_rad = max(self._heading_rad, unseen_rad)
         return use_of(bits) if bits else Use.ALL
 
     @property

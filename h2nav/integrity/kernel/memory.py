@@ -13,7 +13,8 @@ from h2nav.attitude.record import real, reals
 GYRO_FROZEN = 1
 FORCE_FROZEN = 2
 FIELD_FROZEN = 4
-STUCK_AXIS = 8
+UNSEEN_TURN = 8
+STUCK_AXIS = 16
 # bits of the result after the filter
 BEGUN = 1  # a restart: nothing before may be compared with anything after
 KEPT = 2  # this moment is to be recorded
@@ -35,6 +36,8 @@ class Memory:
     count: list[float] = reals(2, "rad/s, m/s^2", "resolution of gyro and accelerometer")
     turning: float = real("", "1: the vehicle turns")
     still_us: list[float] = reals(2, "us", "for how long a sensor's values have been the same")
+    jump: float = real("rad/s", "by how much the rates changed when they last did, sum of the axes")
+    unseen_rad: float = real("rad", "turn that a gyro that repeats its values may have missed")
     seen: list[float] = reals(
         23,
         "",

@@ -6,8 +6,17 @@ accelerometer and vice versa. An IMU that repeats all its values has none.
 
 import math
 
-from .memory import FORCE_FROZEN, GYRO_FROZEN, STUCK_AXIS, Memory, Sample
-from .repeats import COMPASS, FORCE, GYRO, IMU, OF_COMPASS, SENSOR_DISPERSION, repeats
+from .memory import FORCE_FROZEN, GYRO_FROZEN, STUCK_AXIS, UNSEEN_TURN, Memory, Sample
+from .repeats import (
+    COMPASS,
+    FORCE,
+    GYRO,
+    IMU,
+    OF_COMPASS,
+    SENSOR_DISPERSION,
+    evidence,
+    repeats,
+)
 
 # Less may be the bias of a gyro at rest.
 TURNING_RAD_S = 0.05
@@ -15,6 +24,8 @@ TURNING_RAD_S = 0.05
 USUAL_US = 1e6
 LARGEST_SHARE = 0.2
 COMPASS_US = 1e6
+# Evidence from which repeated rates may be false: odds of 1000 to 1.
+SUSPICIOUS = 7.0
 # The turn after which a field must have changed.
 TURNED_FIELD_RAD = 0.5
 # A sensor whose values have never changed has no experience. Its noise is at least its own
@@ -44,6 +55,8 @@ def standstill(s: Memory, sample: Sample) -> int:
     gyro = sum_of(s.change, 0)
     force = sum_of(s.change, 3)
     bits = judge_sensors(s, gyro, force) | never_changed(s)
+    if gyro <= 0.0 and bits & GYRO_FROZEN == 0:
+        bits = bits | unseen_turn(s, force)
     # If a whole sensor repeats its values, no axis of it is reported.
     if gyro > 0.0:
         bits = bits | STUCK_AXIS * stuck_axis(s, 0)
@@ -78,6 +91,7 @@ def judge_sensors(s: Memory, gyro: float, force: float) -> int:
         s.still_us[0] = s.still_us[0] + s.step_us
     else:
         s.still_us[0] = 0.0
+        s.jump = gyro
     if force <= 0.0:
         force_same = 1
         s.still_us[1] = s.still_us[1] + s.step_us
@@ -91,6 +105,20 @@ def judge_sensors(s: Memory, gyro: float, force: float) -> int:
         return bits | FORCE_FROZEN * is_accused(s, FORCE)
     bits = GYRO_FROZEN * repeats(s, GYRO, gyro_same, gyro_counts, usual_force, force)
     return bits | FORCE_FROZEN * repeats(s, FORCE, force_same, force_counts, usual_gyro, gyro)
+
+
+def unseen_turn(s: Memory, force: float) -> int:
+    """Computes the turn that a gyro has missed if the rates that it repeats are false; its bit.
+
+    The vehicle may turn on as before the jump to these rates.
+    """
+    channel = GYRO
+    if force <= 0.0:
+        channel = IMU
+    if evidence(s, channel) < SUSPICIOUS:
+        return 0
+    s.unseen_rad = 1e-6 * s.still_us[0] * s.jump
+    return UNSEEN_TURN
 
 
 def never_changed(s: Memory) -> int:

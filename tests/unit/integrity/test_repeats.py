@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.integrity.kernel.memory import FORCE_FROZEN, GYRO_FROZEN, STUCK_AXIS
+from h2nav.integrity.kernel.memory import FORCE_FROZEN, GYRO_FROZEN, STUCK_AXIS, UNSEEN_TURN
 from h2nav.integrity.watch import Watch
 
 MILLI_G = 9.80665e-3
@@ -36,12 +36,11 @@ def stream(hz, seconds, noise, counts, seed=1):
 
 
 def watched(t_s, gyro, force):
-    """The bits of every sample."""
+    """The bits that accuse a sensor, of every sample."""
     watch = Watch()
     rows = zip(t_s.tolist(), gyro.tolist(), force.tolist(), strict=True)
-    return np.array(
-        [watch.check(ImuSample(round(t * 1e6), tuple(w), tuple(f))) for t, w, f in rows]
-    )
+    samples = [ImuSample(round(t * 1e6), tuple(w), tuple(f)) for t, w, f in rows]
+    return np.array([watch.check(sample) & ~UNSEEN_TURN for sample in samples])
 
 
 @pytest.mark.parametrize("counts", [FLOATS, INTEGERS, (4 * GYRO_COUNT, 8 * FORCE_COUNT)])
