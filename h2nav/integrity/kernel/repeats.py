@@ -20,13 +20,15 @@ Noise at rest is not noise in motion, so a run is compared with the longest one 
 far longer than that, nothing else has to be known. While the vehicle turns, only runs count that
 came while it turned and the sensor changed as much as just before this one. Whatever calms a sensor
 calms its neighbour, so the neighbour has to move as it did before. If none of this decides, as with
-counts larger than all noise, the sensor is not accused.
+counts larger than all noise, the sensor is not accused. Nor is an axis while the others change by
+hardly a count, as those of a vehicle at rest do whose values are near the border of two counts.
 """
 
 import math
 
 from .memory import Memory
 
+FORCE_AXES = 3
 AXES = 6
 GYRO = 6
 FORCE = 7
@@ -145,8 +147,15 @@ def evidence(s: Memory, channel: int) -> float:
 
 
 def moves_on(s: Memory, channel: int) -> int:
-    """Returns 1 if the neighbour moves as it did before the run."""
-    if s.run_moved[channel] < ALIVE * s.run[channel] * s.run_around[channel]:
+    """Returns 1 if the neighbour moves as it did before the run, by more than it dithers."""
+    least = ALIVE * s.run_around[channel]
+    if channel < AXES:
+        count = s.count[0]
+        if channel >= FORCE_AXES:
+            count = s.count[1]
+        if least < LOUD_COUNTS * count:
+            least = LOUD_COUNTS * count
+    if s.run_moved[channel] < least * s.run[channel]:
         return 0
     return 1
 

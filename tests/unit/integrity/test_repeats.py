@@ -153,3 +153,15 @@ def test_rare_repeats_count_one_by_one_but_no_run_below_five_times_the_longest(s
     bits = watched(np.arange(2.0 * n) / 100.0, gyro, force)
     assert not bits[:n].any()
     assert bits[n:].any() == found
+
+
+@pytest.mark.parametrize("dither", [(0.5, 0.5, 0.0), (0.5, 0.0, 0.5)])
+def test_an_axis_that_stays_at_one_count_after_a_landing_is_not_stuck(dither):
+    """Others lie at the border of two counts, and go to and fro."""
+    rng = np.random.default_rng(5)
+    n = 4_000
+    flown = (np.arange(n) < 3_000)[:, None]
+    gyro = rng.normal(0.0, 50.0 * flown + 0.1, (n, 3)) + np.where(flown, 0.0, dither)
+    force = rng.normal(0.0, 30.0 * flown + 0.1, (n, 3)) + np.where(flown, 0.0, dither)
+    bits = watched(np.arange(n) / 25.0, np.round(gyro) * GYRO_COUNT, np.round(force) * FORCE_COUNT)
+    assert not bits.any()
