@@ -122,6 +122,18 @@ def with_iron(drive: Drive, iron: Vec3 = IRON) -> Drive:
     return with_samples(drive, change)
 
 
+def with_turned_compass(drive: Drive, angle: float, first_s: float = 0.0) -> Drive:
+    """The same flight with a compass that is turned in the vehicle from a time on, rad."""
+    turn = quaternion.from_euler(0.0, 0.0, angle)
+
+    def change(_: int, sample: ImuSample) -> ImuSample:
+        if sample.t_us < first_s * 1e6 or sample.m_b_ut is None:
+            return sample
+        return sample._replace(m_b_ut=quaternion.rotate(turn, sample.m_b_ut))
+
+    return with_samples(drive, change)
+
+
 def with_turned_field(drive: Drive, angle: float, first_s: float, after_s: float) -> Drive:
     """The same flight in a field that is turned about the vertical for a while, rad."""
     turned = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)

@@ -13,8 +13,11 @@ from velocity_flights import (
     heading_apart,
     new_filter,
     part,
+    surge,
     wandering,
     with_iron,
+    with_noise,
+    with_turned_compass,
 )
 
 from h2nav.attitude.samples import Trust, Vec3
@@ -101,3 +104,22 @@ def test_a_heading_is_as_certain_as_velocities_have_shown_it() -> None:
     assert after is not None
     assert after.trust & Trust.VELOCITY_USED
     assert after.sigma_heading_rad < 0.8 * before.sigma_heading_rad
+
+
+def calm(t: float) -> Vec3:
+    """A hover, then accelerations of .3 m/s^2."""
+    x, y, z = surge(t)
+    return (0.1 * x, 0.1 * y, 0.1 * z) if t > 20.0 else NONE
+
+
+def slow(t: float) -> Vec3:
+    return (0.05 * math.cos(0.7 * t), 0.05 * math.cos(0.9 * t), 0.3 * math.sin(0.15 * t))
+
+
+def test_a_turned_compass_does_not_take_back_the_heading_that_velocities_show() -> None:
+    flight = accelerating(100.0, 54, force=calm, law=slow, bias_b=NO_BIAS)
+    drive = with_turned_compass(with_noise(flight, 0.1, 54), 90.0 * DEG)
+    found = follow(new_filter(knows_field=True), drive)
+    pairs = list(zip(drive.flight.q_nb, found, strict=True))[5500:]
+    assert all(e is not None and abs(heading_apart(q, e.q_nb)) < 10.0 * DEG for q, e in pairs)
+    assert share_beyond(drive, found, 5500) == 0.0

@@ -16,7 +16,7 @@ from ..memory import (
     Workspace,
 )
 from .aiding import measure_all
-from .field_offset import correct_offset, is_doubted, offset_spread, open_offset
+from .field_offset import LARGEST, correct_offset, is_doubted, offset_spread, open_offset
 from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta, times_covariance
 
@@ -274,6 +274,8 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
     expected = noise + offset_spread(s, w)
     for i in range(4):
         expected = expected + w.jacobian[i] * h[i]
+    if s.heading_witnessed > 0.0 and is_turned(s, innovation) > 0.0:
+        return 1.0
     if innovation * innovation <= g.mag_heading_gate * expected:
         return 0.0
     if s.heading_witnessed > 0.0:
@@ -284,6 +286,19 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
         s.heading_rejected_s = 0.0
         s.mag_accepted_age_s = HEADING_LOST
     return 1.0
+
+
+def is_turned(s: State, innovation: float) -> float:
+    """Returns 1 if no offset turns a field of this norm and dip as far: the compass is turned.
+
+    Source: docs/filter.md Eq. (72).
+    """
+    if s.mag_ref_given == 0.0:
+        return 0.0
+    chord = 2.0 * math.sin(0.5 * math.fabs(innovation)) * math.cos(s.mag_ref_dip)
+    if chord > LARGEST:
+        return 1.0
+    return 0.0
 
 
 def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
