@@ -153,9 +153,15 @@ class FieldWindows:
             + (last.turn_variance - first.turn_variance)
         )
         ratio = turn_rad / (GATE * math.sqrt(variance))
-        if ratio < NO_TURN_RATIO or self._is_rigid(first, last, turn_rad):
+        if ratio < NO_TURN_RATIO:
+            return turn_rad, ratio
+        if self._has_agreed(first) and self._is_rigid(first, last, turn_rad):
             return turn_rad, ratio
         return turn_rad, math.nan
+
+    def _has_agreed(self, first: FieldRow) -> bool:
+        """Whether the field agreed with the attitude: iron and a turned compass turn it later."""
+        return self.reference is None or self._ratio(first) < 1.0
 
     def turned_level(self, rows: int) -> bool:
         """Whether field and force have turned about the vertical, as with a wrong field."""

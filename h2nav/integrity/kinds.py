@@ -341,8 +341,7 @@ MEANINGS: dict[Kind, Meaning] = {
         (SensorKind.GYRO,),
         _ERROR,
         "deg",
-        "The gyro said that the earth's field turned, which it does not: a wrong gyro. About the "
-        "vertical a field of something near the compass may also have done it.",
+        "The gyro said that the earth's field and gravity turned, which they do not: a wrong gyro.",
         _SENSOR,
     ),
     Kind.GYRO_FROZEN: Meaning(_IMU, _ERROR, "s", _FROZEN, _SENSOR),

@@ -150,6 +150,8 @@ class Monitor:
         self._is_confirmed = False
         self._sample_us, self._period_us = 0, 0.0
         self._shown_us: int | None = None
+        # the field's latest turn in space that failed: over how long, and about the vertical?
+        self._turn_s, self._turn_rad, self._turn_is_level = 0, 0.0, False
         self._tests = {name: Lasting() for name in ("velocity", "force", "field", "turn")}
         self.ratios = InnovationRatios()
 
@@ -418,15 +420,14 @@ class Monitor:
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us > lost_us:
             found.append(_no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
-        for name, make in (
-            ("velocity", self._velocity_alarm),
-            ("force", self._force_alarm),
-            ("turn", self._turn_alarm),
-            ("field", self._field_alarm),
-        ):
-            test = self._tests[name]
-            if test.is_raised:
-                found.append(make(test.since_s(t_us)))
+        tests = self._tests
+        for name, make in (("velocity", self._velocity_alarm), ("force", self._force_alarm)):
+            if tests[name].is_raised:
+                found.append(make(tests[name].since_s(t_us)))
+        if tests["turn"].is_raised and not self._turn_is_level:
+            found.append(self._turn_alarm(tests["turn"].since_s(t_us)))
+        if tests["field"].is_raised or self._field_turns:
+            found.append(self._field_alarm(t_us))
         return (*found, *self._cause_alarms(t_us, {alarm.kind for alarm in found}))
 
     def _cause_alarms(self, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
@@ -468,23 +469,32 @@ class Monitor:
         return found._replace(is_decided=is_by_size)
 
     def _turn_alarm(self, since_s: float) -> Alarm:
-        # Soon after a restart there may be no 10 s.
-        length_s = 10 if not math.isnan(self.ratios.turn_10s) else 1
-        turn = self._field.turn(length_s)[0] / DEG
-        evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in {length_s} s"
-        if self._field.turned_level(length_s):
-            evidence = (
-                f"by the gyro, the field has turned by {turn:.0f} deg in space in {length_s} s, "
-                f"about the vertical: a wrong yaw rate, or a field near the compass"
-            )
+        turn = self._turn_rad / DEG
+        evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in {self._turn_s} s"
         return _error(
             Kind.GYRO_FIELD, SensorKind.GYRO, turn, "gyro contradicts field", evidence, since_s
         )
 
-    def _field_alarm(self, since_s: float) -> Alarm:
-        field = self._field
+    @property
+    def _field_turns(self) -> bool:
+        """Whether the field has turned about the vertical, by a wrong yaw rate or iron."""
+        return self._tests["turn"].is_raised and self._turn_is_level
+
+    def _field_alarm(self, t_us: int) -> Alarm:
+        field, turns = self._field, self._field_turns
         heading, dip = field.heading_error_rad / DEG, field.dip_error_rad / DEG
-        matters = self._field_matters
+        matters = self._field_matters or turns
+        evidence = (
+            f"heading {heading:+.0f} deg, dip {dip:+.0f} deg, norm {field.norm_share:.0%} of the "
+            f"earth's"
+        )
+        if turns:
+            evidence = (
+                f"by the gyro, the field has turned by {self._turn_rad / DEG:.0f} deg in space in "
+                f"{self._turn_s} s, about the vertical: a wrong yaw rate, or a field near the "
+                f"compass; {evidence}"
+            )
+        test = self._tests["field" if self._tests["field"].is_raised else "turn"]
         return Alarm(
             Kind.COMPASS_FIELD,
             Sensor(SensorKind.COMPASS),
@@ -492,10 +502,9 @@ class Monitor:
             max(abs(heading), abs(dip)),
             "deg",
             "attitude contradicts field" if matters and field.has_norm else "compass disturbed",
-            f"heading {heading:+.0f} deg, dip {dip:+.0f} deg, norm {field.norm_share:.0%} of the "
-            f"earth's",
+            evidence,
             degrades=matters,
-            since_s=since_s,
+            since_s=test.since_s(t_us),
         )
 
     def _judge(self, t_us: int) -> None:
@@ -507,12 +516,21 @@ class Monitor:
 
     def _judge_field(self) -> None:
         field = self._field
+        (_, of_1s), (_, of_10s) = field.turn(1), field.turn(10)
         self.ratios = self.ratios._replace(
             field_1s=field.field_ratio(1),
             field_10s=field.field_ratio(10),
-            turn_1s=field.turn(1)[1],
-            turn_10s=field.turn(10)[1],
+            turn_1s=of_1s,
+            turn_10s=of_10s,
         )
+        failed = [length_s for length_s, ratio in ((1, of_1s), (10, of_10s)) if ratio > 1.0]
+        if failed:
+            self._turn_s = failed[-1]
+            self._turn_rad = field.turn(self._turn_s)[0]
+            # Once about the vertical only, the whole contradiction is doubtful.
+            self._turn_is_level |= any(map(field.turned_level, failed))
+        elif not self._tests["turn"].is_raised:
+            self._turn_is_level = False
         self._is_confirmed |= self.ratios.field_10s < CONFIRMED_RATIO
 
     def _renew_ratios(self, t_us: int) -> None:

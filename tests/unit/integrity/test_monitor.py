@@ -14,6 +14,7 @@ from velocity_flights import (
     with_iron,
     with_noise,
     with_samples,
+    with_turned_compass,
     with_turned_field,
 )
 
@@ -127,9 +128,11 @@ def test_a_wrong_yaw_rate_and_a_field_that_turns_are_not_told_apart():
         )
 
     rows = watched(with_samples(drive, turned), gps=False)
-    told = [a for _, alarms, _, _ in rows for a in alarms if a.kind == "gyro_field"]
-    level = ["or a field near" in alarm.evidence for alarm in told]
-    assert sum(level) > 0.5 * len(level) > 0.0
+    told = [a for _, alarms, _, _ in rows for a in alarms]
+    either = [a for a in told if "a wrong yaw rate, or a field near" in a.evidence]
+    assert {alarm.kind for alarm in either} == {"compass_field"}
+    assert all(alarm.degrades for alarm in either)
+    assert sum(a.kind == "gyro_field" for a in told) < 0.1 * len(either)
     swapped = from_fault(lambda s: s._replace(w_b=(s.w_b[1], s.w_b[0], s.w_b[2])))
     told = [a for _, alarms, _, _ in watched(swapped, gps=False) for a in alarms]
     both = ["both have turned" in a.evidence for a in told if a.kind == "gyro_field"]
@@ -148,6 +151,13 @@ def test_swapped_axes_are_told_beside_iron_that_the_filter_knows():
     rows = watched(with_iron(drive, (0.05, -0.1, 0.04)))
     assert 0.0 <= first_alarm(rows, "attitude_velocity") < 5.0
     assert 0.0 <= first_alarm(rows, "gyro_field") < 12.0
+
+
+@pytest.mark.parametrize("turn_deg", [60.0, 90.0, 180.0])
+def test_a_compass_that_comes_loose_is_the_compass_and_not_the_gyro(turn_deg):
+    rows = watched(with_turned_compass(flight(), turn_deg * DEG, FAULT_S))
+    assert 0.0 <= first_alarm(rows, "compass_field") < 5.0
+    assert first_alarm(rows, "gyro_field") is None
 
 
 def test_a_gyro_step_is_told_and_the_deviation_opens():
