@@ -406,21 +406,26 @@ class Estimation:
         """Why another lane is sent, for people."""
         if cause is SwitchCause.BAD:
             return next((alarm.text for alarm in before.faults()), "sensor bad")
-        if cause is SwitchCause.WORSE and self._is_by_compass(before, lane):
-            cause = SwitchCause.COMPASS
+        if cause is SwitchCause.WORSE:
+            return self._worse_by(before, lane)
         return _REASONS[cause]
 
-    def _is_by_compass(self, worse: Lane, lane: Lane) -> bool:
-        """Whether, of two lanes whose gyros agree, the worse one's compass is wrong.
+    def _worse_by(self, worse: Lane, lane: Lane) -> str:
+        """What is worse in a lane than in another.
 
-        It is if their forces agree too, or if the same turn agrees with one field and contradicts
-        the other. Two attitudes that hardly differ say nothing about a compass.
+        If both gyros agree, it is the compass where their forces agree too, or where the same turn
+        agrees with one field and contradicts the other. Two attitudes that hardly differ say
+        nothing about a compass, and then such a turn may be that of either.
         """
         (twins,) = (twins for *pair, twins in self._twins if worse in pair and lane in pair)
         turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
         turns_apart = turn > 1.0 and of_lane < CLEARLY * turn
         is_apart = math.hypot(*_apart(worse, lane)) > APART_RAD
-        return is_apart and twins.rates_agree and (twins.forces_agree or turns_apart)
+        if not twins.rates_agree or not (twins.forces_agree or turns_apart):
+            return _REASONS[SwitchCause.WORSE]
+        if is_apart:
+            return _REASONS[SwitchCause.COMPASS]
+        return "it contradicts the field" if turns_apart else _REASONS[SwitchCause.WORSE]
 
     def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
         row = lane.imu_message

@@ -1,6 +1,7 @@
 """Lanes: several IMUs, one filter each, one of them sent."""
 
 import itertools
+import math
 import random
 
 import pytest
@@ -343,6 +344,16 @@ def test_a_lane_that_is_left_is_blamed_for_what_is_off():
     compass.fields[HIGHRES] = (-22.0, 0.0, -42.0)
     compass.run(15.0)
     assert compass.texts == ["IMU 2 instead of 1: its compass is off"]
+
+
+def test_a_turn_of_one_field_may_be_that_of_gyro_or_compass_where_the_attitudes_agree():
+    flight = Flight(sends=(HIGHRES, SECOND))
+    flight.estimation.use_field(EarthField(math.hypot(22.0, 42.0), math.atan2(-42.0, 22.0), 0.0))
+    flight.run(5.0)
+    angle = math.radians(150.0)
+    flight.fields[HIGHRES] = (22.0 * math.cos(angle), 22.0 * math.sin(angle), -42.0)
+    flight.run(15.0)
+    assert flight.texts == ["IMU 2 instead of 1: it contradicts the field"]
 
 
 def test_compasses_that_differ_are_reported_when_it_lasts():
