@@ -77,6 +77,28 @@ def test_after_a_gap_the_deviation_covers_the_error() -> None:
     assert all(e is not None and error < 3.0 * e.sigma_tilt_rad for error, e in pairs)
 
 
+@pytest.mark.parametrize("law", [sway, turning])
+def test_in_a_short_gap_the_rate_has_changed_evenly(law: RateLaw) -> None:
+    drive = without_samples(accelerating(41.0, 41, law=law), GAP, GAP + 80)
+    errors = tilt_errors(drive, feed(new_filter(), drive), GAP)
+    assert max(errors) < 1.0 * DEG
+
+
+def test_a_short_gap_may_hide_as_much_as_the_rate_has_varied_before() -> None:
+    """A roll that nobody saw, from one quiet moment to the next one."""
+
+    def rocking(t: float) -> Vec3:
+        return (40.0 * DEG * math.sin(math.tau * (t - 0.01 * GAP) / 0.8), 0.0, 0.0)
+
+    drive = without_samples(accelerating(43.0, 41, law=rocking), GAP, GAP + 40)
+    found = feed(new_filter(), drive)
+    errors = tilt_errors(drive, found, GAP)
+    assert errors[0] > 8.0 * DEG
+    pairs = zip(errors, found[GAP:], strict=True)
+    assert all(e is not None and error < 3.0 * e.sigma_tilt_rad for error, e in pairs)
+    assert max(errors[500:]) < 1.0 * DEG
+
+
 def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:
     tilted = quaternion.from_euler(20.0 * DEG, 0.0, 50.0 * DEG)
     before = fly(still, 10.0, 42, bias_b=NO_BIAS)

@@ -8,19 +8,28 @@ import math
 from ..memory import MOST_REJECTED, Gains, Sample, State, Workspace
 from .field_offset import begin_offset, predict_offset
 
+LONGEST_STEP = 0.15  # s: samples come at 10 Hz at least, so that of a longer step some are missing
+
 
 def predict_attitude(s: State, w: Workspace, sample: Sample) -> None:
     """Propagates the attitude, and its matrix, over one step.
 
-    Source: docs/filter.md Eq. (4).
+    Source: docs/filter.md Eq. (4), (72).
     """
     dt = sample.dt_s
+    x = sample.gyro[0]
+    y = sample.gyro[1]
+    z = sample.gyro[2]
+    if dt > LONGEST_STEP:
+        x = 0.5 * (s.gyro_last[0] + x)
+        y = 0.5 * (s.gyro_last[1] + y)
+        z = 0.5 * (s.gyro_last[2] + z)
     turn_body(
         s,
         w,
-        dt * (sample.gyro[0] - s.gyro_bias[0]),
-        dt * (sample.gyro[1] - s.gyro_bias[1]),
-        dt * (sample.gyro[2] - s.gyro_bias[2]),
+        dt * (x - s.gyro_bias[0]),
+        dt * (y - s.gyro_bias[1]),
+        dt * (z - s.gyro_bias[2]),
     )
 
 

@@ -6,22 +6,24 @@ Equations: docs/filter.md.
 from ..memory import FORCE_LOST, SATURATED, Gains, Sample, State, Workspace
 from .estimate import estimate
 from .heading import use_field
-from .prediction import predict_attitude, predict_velocity
+from .prediction import LONGEST_STEP, predict_attitude, predict_velocity
 from .rest import doubt_steps, use_rest
 from .theta import limit, predict_theta
-from .tilt import check_level, doubt_rate, end_clipping
+from .tilt import check_level, doubt_gap, doubt_rate, end_clipping
 from .velocity import use_bounded_velocity, use_fix
 
 
 def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Takes one sample; returns bits.
 
-    Source: docs/filter.md Eq. (4) - (26), (30) - (32).
+    Source: docs/filter.md Eq. (4) - (26), (30) - (32), (72).
     """
     bits = 0
     dt = sample.dt_s
     predict_attitude(s, w, sample)
     predict_theta(s, w, g, dt)
+    if dt > LONGEST_STEP:
+        doubt_gap(s, g, sample)
     s.mag_age_s = s.mag_age_s + dt
     if s.mag_accepted_age_s >= 0.0:
         s.mag_accepted_age_s = s.mag_accepted_age_s + dt

@@ -88,6 +88,33 @@ def end_clipping(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     return bits
 
 
+def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
+    """Doubts tilt and velocity after missing samples.
+
+    In a gap the rate is taken to have changed evenly. How far that may be wrong is shown by the
+    change itself, and by how much the rate varied before. Source: docs/filter.md Eq. (72).
+    """
+    square = s.turning
+    for i in range(3):
+        mean = s.gyro_lp[i] - s.gyro_bias[i]
+        square = square - mean * mean
+    if square < 0.0:
+        square = 0.0
+    for i in range(3):
+        change = sample.gyro[i] - s.gyro_last[i]
+        square = square + change * change
+    lost = 0.5 * sample.dt_s * math.sqrt(square)
+    raise_tilt_sigma(s, math.sqrt(s.extra_tilt_sigma * s.extra_tilt_sigma + lost * lost))
+    if sample.aided > 0.0:
+        # Within the time of the levels the loop shall correct as much, and no more: the rate has
+        # changed by motion, not by noise. Nor is the force known: the next fix sets the velocity.
+        s.gyro_jitter = s.gyro_jitter + lost * lost / (3.0 * g.level_time_s)
+        for i in range(3):
+            s.gyro_last[i] = sample.gyro[i]
+            s.gyro_step[i] = 0.0
+        s.fixes_rejected = MOST_REJECTED
+
+
 def raise_tilt_sigma(s: State, angle: float) -> None:
     """Raises the deviation of the tilt to at least this, rad."""
     if angle > MOST_TILT_SIGMA:
