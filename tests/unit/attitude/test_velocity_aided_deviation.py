@@ -5,6 +5,7 @@ import math
 import pytest
 from needs import DEG
 from velocity_flights import (
+    PERIOD,
     Drive,
     accelerating,
     follow,
@@ -73,6 +74,19 @@ def test_what_is_unexpected_raises_it_at_once(drive: Drive, what: str) -> None:
     else:
         follow(filter_, rest._replace(v_n=[(v[0] + 20.0, v[1], v[2]) for v in rest.v_n]))
     assert filter_.kernel_state.unused_variance == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize("kind", ["floats", "integers"])
+def test_fixes_too_wild_for_any_tilt_do_not_open_it(drive: Drive, kind: str, count: int) -> None:
+    made = new_filter if kind == "floats" else new_integer_filter
+    filter_ = made(knows_field=True)
+    wild = range(6000 - count * PERIOD, 6000)
+    v_n = [(v[0] + 60.0 * (i in wild), v[1], v[2]) for i, v in enumerate(drive.v_n)]
+    found = follow(filter_, part(drive._replace(v_n=v_n), 0, 6400))
+    assert filter_.kernel_state.fixes_rejected == 0
+    sigmas = [one.sigma_tilt_rad for one in found[5800:] if one is not None]
+    assert max(sigmas) < 1.5 * DEG
 
 
 @pytest.mark.parametrize("kind", ["floats", "integers"])

@@ -32,6 +32,8 @@ from .theta import apply_theta, measure_level, measure_theta
 from .tilt import raise_tilt_sigma, restart_tilt
 
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
+# rad, per fix rejected in a row: no tilt turns a force into more than 2 g of velocity.
+MOST_EXPLAINED = 2.0 / MOST_REJECTED
 SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of the innovation
 NEVER_S = 1e9  # since the last field where there was none: as long as a gain file may wait for one
 STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
@@ -113,7 +115,10 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     floor = g.fix_floor / period + variance
     if square > s.startup_inflation * g.fix_gate * (floor + s.innovation_power):
         s.fixes_rejected = s.fixes_rejected + 1.0
-        raise_tilt_sigma(s, math.sqrt(square) / (period * MOST_REJECTED))
+        s.unused_variance = 0.0
+        angle = math.sqrt(square) / (period * MOST_REJECTED)
+        if angle <= MOST_EXPLAINED * s.fixes_rejected:
+            raise_tilt_sigma(s, angle)
         return 0
     s.fixes_rejected = 0.0
     time = g.level_time_s

@@ -25,6 +25,7 @@ from .velocity import Q24, density, level_share, raised, select_set, square_of
 
 LOG_SECOND = 5102  # log2 of 1e6
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
+MOST_EXPLAINED = 107374182  # 0.4 rad, Q28, per rejected fix, as in floats
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: rejected fixes that need so large a tilt error
 
 
@@ -68,7 +69,9 @@ def judge_fix(s: State, g: Gains) -> I32:
     if log_square > s.log_startup_inflation + g.log_fix_gate + logarithm(gate):
         s.fixes_rejected = clamp(s.fixes_rejected + 1, 0, MOST_REJECTED)
         # the tilt error that would explain it: y / (5 T), Q28
-        raise_tilt_sigma(s, power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8)))
+        angle = power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8))
+        if angle <= MOST_EXPLAINED * s.fixes_rejected:
+            raise_tilt_sigma(s, angle)
         return 0
     s.fixes_rejected = 0
     share = level_share(s, g, period_us)
