@@ -191,6 +191,11 @@ class Compasses:
             found.append(self._undecided(self._open))
         return found
 
+    def differ(self, one: int, other: int) -> bool:
+        """Whether two of them point elsewhere, whichever is wrong."""
+        both = self._pairs.get((min(one, other), max(one, other)))
+        return both is not None and both.test.is_raised
+
     def doubt_rad(self, number: int) -> float:
         """Deviation of a heading by this compass: half of its difference to the others."""
         raised = [pair for pair, both in self._pairs.items() if both.test.is_raised]

@@ -414,18 +414,19 @@ class Estimation:
         """What is worse in a lane than in another.
 
         If both gyros agree, it is the compass where their forces agree too, or where the same turn
-        agrees with one field and contradicts the other. Two attitudes that hardly differ say
-        nothing about a compass, and then such a turn may be that of either.
+        agrees with one field and contradicts the other. Two headings that hardly differ say nothing
+        about a compass, unless the compasses differ, nor is it gyro or force then.
         """
         (twins,) = (twins for *pair, twins in self._twins if worse in pair and lane in pair)
         turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
         turns_apart = turn > 1.0 and of_lane < CLEARLY * turn
-        is_apart = math.hypot(*_apart(worse, lane)) > APART_RAD
         if not twins.rates_agree or not (twins.forces_agree or turns_apart):
             return _REASONS[SwitchCause.WORSE]
-        if is_apart:
+        tilt_rad, heading_rad = _apart(worse, lane)
+        is_turned = abs(heading_rad) > max(APART_RAD, tilt_rad)
+        if is_turned or self._compasses.differ(worse.imu, lane.imu):
             return _REASONS[SwitchCause.COMPASS]
-        return "it contradicts the field" if turns_apart else _REASONS[SwitchCause.WORSE]
+        return "it contradicts the field" if turns_apart else "its attitude is off"
 
     def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
         row = lane.imu_message

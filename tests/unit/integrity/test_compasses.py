@@ -36,6 +36,7 @@ def test_compasses_that_agree_are_not_spoken_of(is_shown: bool) -> None:
     compasses = after(10.0, seen([0.0, 8.0, -5.0]), Level(TILTED, 0.1, is_shown))
     assert compasses.alarms() == []
     assert not compasses.wrong
+    assert not compasses.differ(0, 1)
     assert compasses.doubt_rad(0) == 0.0
 
 
@@ -48,6 +49,7 @@ def test_two_that_differ_on_the_ground_are_reported_and_open_the_heading() -> No
     assert alarm.severity is Severity.ERROR
     assert alarm.degrades
     assert alarm.sensor.numbers == (1, 2)
+    assert compasses.differ(1, 0)
     assert alarm.size == pytest.approx(90.0, abs=10.0)
     assert all(compasses.doubt_rad(n) > 30.0 * DEG for n in (0, 1))
 

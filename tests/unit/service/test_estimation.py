@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
-from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState
+from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState, VelocityFix
 from h2nav.integrity.findings import Kind
 from h2nav.recordings.listener import Listener
 from h2nav.service.autopilot import Identity
@@ -344,6 +344,29 @@ def test_a_lane_that_is_left_is_blamed_for_what_is_off():
     compass.fields[HIGHRES] = (-22.0, 0.0, -42.0)
     compass.run(15.0)
     assert compass.texts == ["IMU 2 instead of 1: its compass is off"]
+
+
+@pytest.mark.parametrize(
+    ("has_field", "reason"), [(True, "it contradicts the field"), (False, "its attitude is off")]
+)
+def test_a_lane_that_a_short_fault_has_tilted_blames_no_sensor_that_is_sound_again(
+    has_field, reason
+):
+    flight = Flight(sends=(HIGHRES, SECOND))
+    flight.field = flight.field if has_field else None
+
+    def hover(seconds):
+        for _ in range(round(5 * seconds)):
+            flight.run(0.2)
+            t_us = START_US + flight.tick * 10_000
+            flight.estimation.use_velocity(VelocityFix(t_us, (0.0, 0.0, 0.0), 0.1))
+
+    hover(20.0)
+    flight.biases[HIGHRES] = (0.0, 0.1, 0.0)
+    hover(1.0)
+    flight.biases.clear()
+    hover(12.0)
+    assert flight.texts == [f"IMU 2 instead of 1: {reason}"]
 
 
 def test_a_turn_of_one_field_may_be_that_of_gyro_or_compass_where_the_attitudes_agree():
