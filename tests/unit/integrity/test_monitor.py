@@ -26,6 +26,7 @@ from h2nav.maths import quaternion
 
 FAULT_S = 40.0
 END_S = 70.0
+REST = (0.0, 0.0, 0.0)
 
 
 def flight(seed=7):
@@ -223,6 +224,27 @@ def test_a_frozen_imu_is_told_at_once():
     assert 0.0 <= first_alarm(rows, "imu_frozen") < 0.2
 
 
+def sent(drive):
+    """(time, tilt error, estimate with its opened deviations) of each sample that is used."""
+    filter_ = new_filter(knows_field=True)
+    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
+    monitor.use_vehicle(FLYING)
+    monitor.use_field(FIELD)
+    for i, (sample, q_nb) in enumerate(zip(drive.flight.samples, drive.flight.q_nb, strict=True)):
+        if i % PERIOD == 0:
+            fix = VelocityFix(sample.t_us, drive.v_n[i], 0.3)
+            monitor.fix(fix, filter_.sensor_errors)
+            filter_.use_velocity(fix)
+        if monitor.check(sample) is Use.NONE:
+            continue
+        estimate = filter_.update(sample)
+        if estimate is not None:
+            monitor.add(sample, estimate)
+            error = quaternion.multiply(estimate.q_nb, quaternion.conjugate(q_nb))
+            tilt_rad = quaternion.tilt_and_heading(error)[0]
+            yield sample.t_us * 1e-6, tilt_rad, monitor.opened(estimate)
+
+
 @pytest.mark.parametrize("lasts_s", [0.07, 10.0])
 def test_the_deviations_open_before_it_is_certain_that_a_gyro_is_dead(lasts_s):
     """It turns fast, and then reads zero: for a moment, or for good."""
@@ -231,30 +253,31 @@ def test_the_deviations_open_before_it_is_certain_that_a_gyro_is_dead(lasts_s):
         is_dead = 0.0 <= sample.t_us * 1e-6 - FAULT_S < lasts_s
         return sample._replace(w_b=(0.0, 0.0, 0.0)) if is_dead else sample
 
-    drive = accelerating(END_S, 7, law=lambda t: turning(t) if t > 10.0 else (0.0, 0.0, 0.0))
-    drive = with_samples(drive, dead)
-    filter_ = new_filter(knows_field=True)
-    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
-    sent = []
-    for i, (sample, q_nb) in enumerate(zip(drive.flight.samples, drive.flight.q_nb, strict=True)):
-        if i % PERIOD == 0:
-            fix = VelocityFix(sample.t_us, drive.v_n[i], 0.3)
-            monitor.fix(fix, filter_.sensor_errors)
-            filter_.use_velocity(fix)
-        since_s = sample.t_us * 1e-6 - FAULT_S
-        if monitor.check(sample) is Use.NONE or since_s > 1.0:
-            break
-        estimate = filter_.update(sample)
-        if estimate is not None:
-            monitor.add(sample, estimate)
-            error = quaternion.multiply(estimate.q_nb, quaternion.conjugate(q_nb))
-            opened = monitor.opened(estimate)
-            sent.append((since_s, quaternion.tilt_and_heading(error)[0], opened.sigma_tilt_rad))
-    before = [sigma for since_s, _, sigma in sent if -1.0 < since_s < 0.0]
-    wrong = [(error, sigma) for since_s, error, sigma in sent if since_s >= 0.0]
+    drive = accelerating(FAULT_S + 1.0, 7, law=lambda t: turning(t) if t > 10.0 else REST)
+    rows = [
+        (t_s - FAULT_S, tilt, estimate.sigma_tilt_rad)
+        for t_s, tilt, estimate in sent(with_samples(drive, dead))
+    ]
+    before = [sigma for since_s, _, sigma in rows if -1.0 < since_s < 0.0]
+    wrong = [(tilt, sigma) for since_s, tilt, sigma in rows if since_s >= 0.0]
     assert max(before) < 1.1 * DEG
-    assert max(error for error, _ in wrong) > 2.2 * max(before)
-    assert all(error < 2.0 * sigma for error, sigma in wrong)
+    assert max(tilt for tilt, _ in wrong) > 2.2 * max(before)
+    assert all(tilt < 2.0 * sigma for tilt, sigma in wrong)
+
+
+def test_a_field_that_turns_about_the_vertical_opens_the_heading_alone():
+    drive = with_noise(accelerating(END_S, 7, force=lambda _: REST), 0.2, 7)
+
+    def turned(i, sample):
+        angle = 10.0 * DEG * max(sample.t_us * 1e-6 - FAULT_S, 0.0)
+        field_n = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)
+        return sample._replace(
+            m_b_ut=quaternion.rotate(quaternion.conjugate(drive.flight.q_nb[i]), field_n)
+        )
+
+    opened = [one for t_s, _, one in sent(with_samples(drive, turned)) if t_s > FAULT_S]
+    assert max(one.sigma_heading_rad for one in opened) > 20.0 * DEG
+    assert max(one.sigma_tilt_rad for one in opened) < 3.0 * DEG
 
 
 def test_after_a_reboot_it_watches_as_before():
