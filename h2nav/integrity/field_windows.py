@@ -65,12 +65,16 @@ class FieldWindows:
         self._watch = watch
         self._strapdown = strapdown
         self.reference: EarthField | None = None  # the earth's field; None if unknown
-        self.offset_rad = 0.0  # by which the compass's own offset may turn the field
+        self._offset_rad = 0.0  # by which the compass's own offset may turn the field
         self._rows: deque[FieldRow] = deque(maxlen=ROWS)
 
     def use_field(self, field: EarthField | None) -> None:
         """Takes the earth's field."""
         self.reference = field
+
+    def use_offset(self, share: float) -> None:
+        """Takes the size of the compass's offset that the filter knows, over the field's norm."""
+        self._offset_rad = share
 
     def restart(self) -> None:
         """Restarts: no earlier row may be compared with later ones."""
@@ -143,7 +147,7 @@ class FieldWindows:
         first, last = self._rows[-1 - rows], self._rows[-1]
         turn_rad = _angle(first.field_s, last.field_s)
         path = last.path_rad - first.path_rad
-        direction = DIRECTION_SIGMA_RAD**2 + self.offset_rad**2
+        direction = DIRECTION_SIGMA_RAD**2 + self._offset_rad**2
         variance = (
             2.0 * direction * min(path, 1.0) ** 2
             + 2.0 * NOISE_RAD**2
