@@ -116,6 +116,23 @@ def slow(t: float) -> Vec3:
     return (0.05 * math.cos(0.7 * t), 0.05 * math.cos(0.9 * t), 0.3 * math.sin(0.15 * t))
 
 
+@pytest.mark.parametrize(("sigma_deg", "is_used"), [(20.0, False), (29.0, True)])
+def test_a_field_far_from_a_heading_by_velocities_is_used_if_that_is_as_uncertain(
+    sigma_deg: float, is_used: bool
+) -> None:
+    """The offset is so uncertain that the innovation's own gate would let it pass."""
+    drive = accelerating(32.0, 55, force=calm, law=slow, bias_b=NO_BIAS)
+    filter_ = new_filter(knows_field=True)
+    follow(filter_, part(drive, 0, 3000))
+    state = filter_.kernel_state
+    state.heading_witnessed = 1.0
+    state.heading_variance = (sigma_deg * DEG) ** 2
+    for i in (0, 3, 5):
+        state.p_offset[i] = 0.5
+    follow(filter_, with_turned_compass(part(drive, 3000, 3050), 50.0 * DEG))
+    assert (state.mag_accepted_age_s < 0.3) == is_used
+
+
 def test_a_turned_compass_does_not_take_back_the_heading_that_velocities_show() -> None:
     flight = accelerating(100.0, 54, force=calm, law=slow, bias_b=NO_BIAS)
     drive = with_turned_compass(with_noise(flight, 0.1, 54), 90.0 * DEG)

@@ -21,6 +21,8 @@ from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, measure_theta, times_covariance
 
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
+# A difference of fewer deviations may be the heading's error.
+KNOWN_SIGMAS_2 = 4.0
 OFFSET_TIME = 20.0  # s: over which a constant disturbance is distinguished from a passing one
 # Along the reference and down, which do not depend on the heading: errors of field model and
 # calibration, and twice their correlation time.
@@ -293,7 +295,7 @@ def is_turned(s: State, innovation: float) -> float:
 
     Source: docs/filter.md Eq. (72).
     """
-    if s.mag_ref_given == 0.0:
+    if s.mag_ref_given == 0.0 or innovation * innovation < KNOWN_SIGMAS_2 * s.heading_variance:
         return 0.0
     chord = 2.0 * math.sin(0.5 * math.fabs(innovation)) * math.cos(s.mag_ref_dip)
     if chord > LARGEST:

@@ -14,7 +14,7 @@ LONGEST_STEP = 0.15  # s: samples come at 10 Hz at least, so that of a longer st
 def predict_attitude(s: State, w: Workspace, sample: Sample) -> None:
     """Propagates the attitude, and its matrix, over one step.
 
-    Source: docs/filter.md Eq. (4), (72).
+    Source: docs/filter.md Eq. (4), (73).
     """
     dt = sample.dt_s
     x = sample.gyro[0]

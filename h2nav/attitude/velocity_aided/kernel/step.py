@@ -16,7 +16,7 @@ from .velocity import use_bounded_velocity, use_fix
 def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     """Takes one sample; returns bits.
 
-    Source: docs/filter.md Eq. (4) - (26), (30) - (32), (72).
+    Source: docs/filter.md Eq. (4) - (26), (30) - (32), (73).
     """
     bits = 0
     dt = sample.dt_s

@@ -92,7 +92,7 @@ def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
     """Doubts tilt and velocity after missing samples.
 
     In a gap the rate is taken to have changed evenly. How far that may be wrong is shown by the
-    change itself, and by how much the rate varied before. Source: docs/filter.md Eq. (72).
+    change itself, and by how much the rate varied before. Source: docs/filter.md Eq. (73).
     """
     square = s.turning
     for i in range(3):
