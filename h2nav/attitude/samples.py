@@ -75,7 +75,7 @@ class SensorErrors(NamedTuple):
     rate_density: float = 0.0  # of the rate's noise in its samples, squared, rad^2/s
     force_density: float = 0.0  # likewise of the force, squared, m^2/s^3
     # size of the field's offset in body axes (hard iron) with one deviation, of the field's norm
-    field_offset: float = 0.0
+    field_offset_share: float = 0.0
 
 
 class SensorDoubt(NamedTuple):

@@ -240,7 +240,13 @@ MEANINGS: dict[Kind, Meaning] = {
         "The compass measured nothing: no heading is possible with it.",
         _SENSOR,
     ),
-    Kind.COMPASS_FIELD: Meaning(_COMPASS, _ERROR, "deg", _COMPASS_WRONG, _MAGNET),
+    Kind.COMPASS_FIELD: Meaning(
+        _COMPASS,
+        _ERROR,
+        "deg",
+        f"{_COMPASS_WRONG} If it turns about the vertical, a wrong yaw rate may have done it.",
+        _MAGNET,
+    ),
     Kind.COMPASS_FROZEN: Meaning(_IMU, _WARNING, "s", _FROZEN, _SENSOR),
     Kind.COMPASS_HARD_IRON: Meaning(
         _COMPASS,

@@ -235,7 +235,7 @@ class Monitor:
             apart_us = min(fix.t_us - self._fix.t_us, 2 * VELOCITY_LOST_US)
             self._fix_period_us += PERIOD_SHARE * (apart_us - self._fix_period_us)
         self._fix = fix
-        self._field.use_offset(errors.field_offset)
+        self._field.use_offset(errors.field_offset_share)
         if not self._velocity.take(fix):
             return None
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]

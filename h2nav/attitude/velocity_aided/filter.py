@@ -132,11 +132,11 @@ class VelocityAidedFilter(VelocityAidedShell):
             s.fix_lag_variance,
             gyro_density(s, self._g),
             s.accel_jitter,
-            self._field_offset_size,
+            self._field_offset_share,
         )
 
     @property
-    def _field_offset_size(self) -> float:
+    def _field_offset_share(self) -> float:
         """Of what is learnt of the offset, and one deviation of the rest, over the field's norm."""
         s = self._state
         return math.hypot(*s.field_offset[:], math.sqrt(sum(s.p_offset[i] for i in (0, 3, 5))))

@@ -13,7 +13,7 @@ from h2nav.attitude.record import real, reals
 GYRO_FROZEN = 1
 FORCE_FROZEN = 2
 FIELD_FROZEN = 4
-UNSEEN_TURN = 8
+UNSEEN_TURN = 8  # accuses nobody
 STUCK_AXIS = 16
 # bits of the result after the filter
 BEGUN = 1  # a restart: nothing before may be compared with anything after

@@ -33,15 +33,14 @@ def flight(seed=7):
     return with_noise(accelerating(END_S, seed, law=turning), 0.2, seed)
 
 
-def watched(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
-    """(time, alarms, tilt error, opened deviation) five times a second."""
+def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
+    """(time, use, estimate or None, monitor) of each sample."""
     filter_, monitor = (
         new_filter(knows_field=True),
         Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)),
     )
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
-    rows = []
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
         if gps and i % PERIOD == 0:
@@ -51,26 +50,56 @@ def watched(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
                 filter_.doubt(doubt)
             if not monitor.velocity_is_false:
                 filter_.use_velocity(fix)
-        if monitor.check(sample) is Use.NONE:
-            rows.append((t_s, monitor.alarms(sample.t_us), 0.0, math.pi))
-            continue
-        estimate = filter_.update(sample)
-        if estimate is None:
-            continue
-        monitor.add(sample, estimate)
-        if i % PERIOD == 0:
-            error = quaternion.multiply(estimate.q_nb, quaternion.conjugate(drive.flight.q_nb[i]))
-            down = quaternion.rotate(error, (0.0, 0.0, 1.0))
-            tilt = math.atan2(math.hypot(down[0], down[1]), down[2])
-            opened = monitor.opened(estimate).sigma_tilt_rad
-            rows.append((t_s, monitor.alarms(sample.t_us), tilt, opened))
+        use = monitor.check(sample)
+        estimate = None if use is Use.NONE else filter_.update(sample)
+        if estimate is not None:
+            monitor.add(sample, estimate)
+        yield t_s, use, estimate, monitor
+
+
+def tilt_error(q_nb, estimate):
+    turn_n = quaternion.multiply(estimate.q_nb, quaternion.conjugate(q_nb))
+    return quaternion.tilt_and_heading(turn_n)[0]
+
+
+def watched(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
+    """(time, alarms, tilt error, opened deviation) five times a second."""
+    rows = []
+    for i, (t_s, use, estimate, monitor) in enumerate(flown(drive, velocity_at, gps)):
+        t_us = drive.flight.samples[i].t_us
+        if use is Use.NONE:
+            rows.append((t_s, monitor.alarms(t_us), 0.0, math.pi))
+        elif estimate is not None and i % PERIOD == 0:
+            tilt_rad = tilt_error(drive.flight.q_nb[i], estimate)
+            opened_rad = monitor.opened(estimate).sigma_tilt_rad
+            rows.append((t_s, monitor.alarms(t_us), tilt_rad, opened_rad))
     return rows
+
+
+def sent(drive):
+    """(time, tilt error, estimate with its opened deviations) of each sample that is used."""
+    for q_nb, (t_s, _, estimate, monitor) in zip(drive.flight.q_nb, flown(drive), strict=True):
+        if estimate is not None:
+            yield t_s, tilt_error(q_nb, estimate), monitor.opened(estimate)
 
 
 def first_alarm(rows, kind):
     """Seconds from the fault to the first alarm of a kind; None without one."""
     times = [t_s for t_s, alarms, _, _ in rows if any(a.kind == kind for a in alarms)]
     return times[0] - FAULT_S if times else None
+
+
+def with_turning_field(drive):
+    """The same flight in a field that turns by 10 deg/s about the vertical from the fault on."""
+
+    def turned(i, sample):
+        angle = 10.0 * DEG * max(sample.t_us * 1e-6 - FAULT_S, 0.0)
+        field_n = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)
+        return sample._replace(
+            m_b_ut=quaternion.rotate(quaternion.conjugate(drive.flight.q_nb[i]), field_n)
+        )
+
+    return with_samples(drive, turned)
 
 
 def from_fault(change):
@@ -119,16 +148,7 @@ def test_velocities_that_no_longer_come_are_told_and_do_not_degrade(hz, within_s
 
 
 def test_a_wrong_yaw_rate_and_a_field_that_turns_are_not_told_apart():
-    drive = flight()
-
-    def turned(i, sample):
-        angle = 10.0 * DEG * max(sample.t_us * 1e-6 - FAULT_S, 0.0)
-        field_n = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)
-        return sample._replace(
-            m_b_ut=quaternion.rotate(quaternion.conjugate(drive.flight.q_nb[i]), field_n)
-        )
-
-    rows = watched(with_samples(drive, turned), gps=False)
+    rows = watched(with_turning_field(flight()), gps=False)
     told = [a for _, alarms, _, _ in rows for a in alarms]
     either = [a for a in told if "a wrong yaw rate, or a field near" in a.evidence]
     assert {alarm.kind for alarm in either} == {"compass_field"}
@@ -224,27 +244,6 @@ def test_a_frozen_imu_is_told_at_once():
     assert 0.0 <= first_alarm(rows, "imu_frozen") < 0.2
 
 
-def sent(drive):
-    """(time, tilt error, estimate with its opened deviations) of each sample that is used."""
-    filter_ = new_filter(knows_field=True)
-    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
-    monitor.use_vehicle(FLYING)
-    monitor.use_field(FIELD)
-    for i, (sample, q_nb) in enumerate(zip(drive.flight.samples, drive.flight.q_nb, strict=True)):
-        if i % PERIOD == 0:
-            fix = VelocityFix(sample.t_us, drive.v_n[i], 0.3)
-            monitor.fix(fix, filter_.sensor_errors)
-            filter_.use_velocity(fix)
-        if monitor.check(sample) is Use.NONE:
-            continue
-        estimate = filter_.update(sample)
-        if estimate is not None:
-            monitor.add(sample, estimate)
-            error = quaternion.multiply(estimate.q_nb, quaternion.conjugate(q_nb))
-            tilt_rad = quaternion.tilt_and_heading(error)[0]
-            yield sample.t_us * 1e-6, tilt_rad, monitor.opened(estimate)
-
-
 @pytest.mark.parametrize("lasts_s", [0.07, 10.0])
 def test_the_deviations_open_before_it_is_certain_that_a_gyro_is_dead(lasts_s):
     """It turns fast, and then reads zero: for a moment, or for good."""
@@ -267,15 +266,7 @@ def test_the_deviations_open_before_it_is_certain_that_a_gyro_is_dead(lasts_s):
 
 def test_a_field_that_turns_about_the_vertical_opens_the_heading_alone():
     drive = with_noise(accelerating(END_S, 7, force=lambda _: REST), 0.2, 7)
-
-    def turned(i, sample):
-        angle = 10.0 * DEG * max(sample.t_us * 1e-6 - FAULT_S, 0.0)
-        field_n = quaternion.rotate(quaternion.from_euler(0.0, 0.0, angle), FIELD_N)
-        return sample._replace(
-            m_b_ut=quaternion.rotate(quaternion.conjugate(drive.flight.q_nb[i]), field_n)
-        )
-
-    opened = [one for t_s, _, one in sent(with_samples(drive, turned)) if t_s > FAULT_S]
+    opened = [one for t_s, _, one in sent(with_turning_field(drive)) if t_s > FAULT_S]
     assert max(one.sigma_heading_rad for one in opened) > 20.0 * DEG
     assert max(one.sigma_tilt_rad for one in opened) < 3.0 * DEG
 

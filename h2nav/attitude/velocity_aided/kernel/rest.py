@@ -55,22 +55,24 @@ def use_rest(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if s.rest_s < g.rest_time_s:
         return 0
     noise = g.rest_noise / dt
-    if sample.rest_prior < TURNABLE or turns(s, w, 0, s.p_xx) == 0.0:
+    if turns(s, w, sample, 0, s.p_xx) == 0.0:
         measure_bias(s, w, 0, noise)
-    if sample.rest_prior < TURNABLE or turns(s, w, 1, s.p_yy) == 0.0:
+    if turns(s, w, sample, 1, s.p_yy) == 0.0:
         measure_bias(s, w, 1, noise)
-    if sample.rest_prior < TURNABLE or turns(s, w, 2, s.p_zz) == 0.0:
+    if turns(s, w, sample, 2, s.p_zz) == 0.0:
         measure_bias(s, w, 2, noise)
     return REST
 
 
-def turns(s: State, w: Workspace, axis: int, variance: float) -> float:
+def turns(s: State, w: Workspace, sample: Sample, axis: int, variance: float) -> float:
     """Returns 1 if an armed vehicle's slow turn on the ground may be in this axis' rate.
 
     A rotor's torque turns a helicopter on its skids by some tenths of a degree per second, about
     the vertical. A bias that is known less well, or that no field will show, is learnt all the
     same.
     """
+    if sample.rest_prior < TURNABLE:
+        return 0.0
     upright = w.r_nb[6 + axis]
     if s.mag_accepted_age_s >= 0.0 and variance < FLOOR and upright * upright > UPRIGHT_2:
         return 1.0
