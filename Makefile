@@ -11,7 +11,7 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/translate/*.py
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image deb arm64 wheels golden clean
+.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image deb arm64 wheels golden clean python
 # Without bytecode on disk each of the hundreds of processes that the tests start compiles anew.
 unexport PYTHONDONTWRITEBYTECODE
 # Two targets at once would install into one environment; pytest uses all cores by itself.
@@ -46,17 +46,17 @@ soak: $(FOR_TESTS)  ## 24 simulated hours through the whole pipeline: does anyth
 attack: $(FOR_TESTS)  ## every known attack on the daemon as a process, some 15 minutes
 	@$(BIN)/python tools/attack
 
-image:  ## the container, built without Docker and tried; needs root, buildah and mmdebstrap
+image: python  ## the container, built without Docker and tried; needs root, buildah and mmdebstrap
 	@$(PYTHON) tools/image.py
 
-deb:  ## Debian packages for SUITE=bookworm ARCH=amd64, built and tried in clean roots; needs root and mmdebstrap
+deb: python  ## Debian packages for SUITE=bookworm ARCH=amd64, built and tried in clean roots; needs root and mmdebstrap
 	@$(PYTHON) tools/debian_package.py build $(if $(SUITE),--suite $(SUITE)) $(if $(ARCH),--arch $(ARCH))
 	@$(PYTHON) tools/debian_package.py check $(if $(SUITE),--suite $(SUITE)) $(if $(ARCH),--arch $(ARCH))
 
 arm64:  ## the same for arm64, under qemu-user
 	@$(MAKE) --no-print-directory deb ARCH=arm64
 
-wheels:  ## the wheels of a release for ARCH=amd64 and every machine, and the source archive; needs the same
+wheels: python  ## the wheels of a release for ARCH=amd64 and every machine, and the source archive; needs the same
 	@$(PYTHON) tools/wheels.py $(if $(ARCH),--arch $(ARCH))
 
 fuzz: $(FOR_TESTS)  ## made-up input for everything that takes any, for MINUTES=5
@@ -71,8 +71,13 @@ golden: $(FOR_TESTS)  ## rewrite the golden outputs; the data diff is the review
 clean:  ## remove what the other targets made, logs excepted
 	@rm -rf $(VENV) build *.egg-info h2nav/attitude/_native*.so
 
-$(BIN)/python:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "h2nav needs Python 3.11 or newer; make PYTHON=python3.11")'
+# What a tool needs beyond Python it asks for itself (tools/programs.py).
+python:
+	@command -v $(PYTHON) >/dev/null || { echo "not installed: $(PYTHON); apt-get install -y python3-venv" >&2; exit 1; }
+	@$(PYTHON) tools/programs.py
+
+$(BIN)/python: | python
+	@$(PYTHON) tools/programs.py ensurepip
 	@$(PYTHON) -m venv $(VENV)
 
 $(FOR_DEMO): $(SOURCES) | $(BIN)/python

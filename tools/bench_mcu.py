@@ -18,6 +18,8 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from programs import need
+
 from h2nav.cli import main as h2nav
 
 HERE = Path(__file__).resolve().parent / "mcu"
@@ -288,9 +290,7 @@ def main() -> int:
         help="samples per filter; the velocity-aided filter takes three times as many",
     )
     args = parser.parse_args()
-    for program in ("arm-none-eabi-gcc", "qemu-system-arm", "gcc"):
-        if shutil.which(program) is None:
-            raise SystemExit(f"{program} is not installed")
+    need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         stdout, sys.stdout = sys.stdout, sys.stderr

@@ -20,6 +20,8 @@ import tarfile
 import tempfile
 from pathlib import Path
 
+from programs import need
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 SUITES = ("bookworm", "trixie")
 NEEDED = "gcc,libc6-dev,python3-dev,python3-venv"
@@ -158,7 +160,10 @@ def documented_installation() -> str:
 
 def make_runnable(architecture: str) -> None:
     """Lets this computer run programs of another architecture, until its next start."""
-    if architecture == own_architecture():
+    is_foreign = architecture != own_architecture()
+    emulator = ("update-binfmts", "qemu-aarch64-static") if is_foreign else ()
+    need("mmdebstrap", *emulator, is_root_needed=True)
+    if not is_foreign:
         return
     if not Path("/proc/sys/fs/binfmt_misc/register").exists():
         subprocess.run(

@@ -20,6 +20,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from programs import need
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 NAME = "localhost/h2nav"
 LIVE = ("--live", "127.0.0.1:0", "--seconds", "10")
@@ -92,6 +94,7 @@ class Images:
 
 
 def main() -> int:
+    need("buildah", "mmdebstrap", is_root_needed=True)
     text = (REPOSITORY / "Dockerfile").read_text()
     (base,) = set(re.findall(r"^FROM (\S+)", text, re.MULTILINE))
     with tempfile.TemporaryDirectory(prefix="h2nav-image-") as folder:
