@@ -1,24 +1,29 @@
 """The JSON Schema of a finding, shared by reviews, replays, events and the live page."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from h2nav.integrity.findings import Phase
-from h2nav.integrity.kinds import MEANINGS, SensorKind
+from h2nav.integrity.kinds import MEANINGS, Meaning, SensorKind
 from h2nav.integrity.severity import Severity
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
 
 
-def finding_schema() -> Schema:
-    """The schema of `findings.as_mapping`; users of a finding may add keys."""
+def finding_schema(meanings: Mapping[Any, Meaning] = MEANINGS) -> Schema:
+    """The schema of `findings.as_mapping`; users of a finding may add keys.
+
+    Args:
+        meanings: the kinds that occur; those of the checks in flight, if nothing else is said.
+    """
     properties = {
         "id": _text("stable within a run, such as gyro_frozen.imu1.1"),
         "kind": {
             "description": "what is wrong; the list is closed",
             "oneOf": [
                 {"const": kind.value, "description": meaning.means or "The autopilot said so."}
-                for kind, meaning in MEANINGS.items()
+                for kind, meaning in meanings.items()
             ],
         },
         "source": _text("what is concerned, for people: IMU 1, GPS, autopilot"),

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from h2nav.integrity.kinds import Kind, SensorKind
+from h2nav.integrity.kinds import AnyKind, Kind, SensorKind
 from h2nav.integrity.severity import Severity
 
 __all__ = ["Alarm", "Finding", "Findings", "Kind", "Phase", "Sensor", "SensorKind", "Severity"]
@@ -44,6 +44,11 @@ class Sensor(NamedTuple):
             return kind
         join = " or " if self.number is None else ", "
         return join.join(f"{kind} {number}" for number in self.numbers)
+
+    @property
+    def listed(self) -> str:
+        """The numbers for people: ``1, 2``."""
+        return ", ".join(map(str, self.numbers))
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -81,7 +86,7 @@ class Alarm(NamedTuple):
 class Finding(NamedTuple):
     """An alarm with its beginning and end, or a finding of the whole flight."""
 
-    kind: Kind  # see `Alarm`
+    kind: AnyKind  # see `Alarm`
     sensor: Sensor  # see `Alarm`
     severity: Severity  # the worst so far
     from_s: float  # its beginning, s after the start of the run
@@ -234,7 +239,7 @@ class Findings:
         return self._latest[key]
 
 
-def next_id(kind: Kind, sensor: Sensor, counts: dict[str, int]) -> str:
+def next_id(kind: AnyKind, sensor: Sensor, counts: dict[str, int]) -> str:
     """A new id, such as ``gyro_frozen.imu1.2`` for the second one of this kind and sensor.
 
     Args:

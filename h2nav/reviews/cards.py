@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from h2nav.integrity.findings import Kind, SensorKind, Severity
-from h2nav.reviews.advice import place
+from h2nav.integrity.findings import SensorKind, Severity
 from h2nav.reviews.html import escape
 from h2nav.reviews.pictures.timeline import MOMENTS
+from h2nav.reviews.subjects import SECTIONS
 
 # In the form of `h2nav.reviews.document`.
 Entry = dict[str, Any]
@@ -118,7 +118,7 @@ def _card(
     return (
         f'<li class="finding {severity.look}"><button type="button" '
         f'data-from="{finding["from_s"]:.3f}" data-to="{finding["to_s"]:.3f}" '
-        f'data-place="{place(Kind(finding["kind"]))}">'
+        f'data-place="{SECTIONS[finding["kind"]]}">'
         f'<span class="what"><span class="tag">{severity.tag}</span>'
         f'{escape(_span(finding))}: {escape(text)} <span class="size">{escape(size)}</span></span>'
         f"</button>{''.join(folded)}</li>"

@@ -4,6 +4,7 @@ By the autopilot's own attitude, on which its controllers acted; other modules j
 right.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ class ControlErrors(NamedTuple):
     flies: Mask  # (N,) armed, driven, and in a mode that asks for attitudes
 
 
-def look_at_control(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:
+def look_at_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> list[Finding]:
     """Finds losses of control, before each impact and without one.
 
     Args:
@@ -138,7 +139,7 @@ def _turning_since(off: Mask, rate: Array) -> Mask:
     return found
 
 
-def _alone(errors: ControlErrors, bins: Bins, impacts: list[Impact]) -> list[Finding]:
+def _alone(errors: ControlErrors, bins: Bins, impacts: Sequence[Impact]) -> list[Finding]:
     """Attitudes that went far from their demand and stayed there, wherever it ended.
 
     An estimator that tumbles by itself also leaves the demand, so the vehicle must turn.

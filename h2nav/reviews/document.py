@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from h2nav.integrity.findings import Finding, as_mapping
-from h2nav.integrity.kinds import MEANINGS
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Span
 from h2nav.reviews.analysis import Analysis
@@ -17,6 +16,7 @@ from h2nav.reviews.chain import chain
 from h2nav.reviews.comparison import Difference, differences
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.parameters import in_order
+from h2nav.reviews.subjects import KINDS
 from h2nav.reviews.tracks import CompassFit, Receiver, Spectrum, TimingTrack
 from h2nav.reviews.verdict import verdict
 
@@ -92,7 +92,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
 
 
 def _finding(finding: Finding, first_cause: str | None, *, is_own: bool) -> dict[str, object]:
-    of_kind = MEANINGS[finding.kind]
+    of_kind = KINDS[finding.kind].meaning
     return {
         **as_mapping(finding),
         "consequence_of": first_cause,

@@ -4,6 +4,7 @@ from typing import Any
 
 from h2nav.integrity.finding_schema import DRAFT, finding_schema, severity_schema
 from h2nav.reviews.document import FORMAT, SCHEMA
+from h2nav.reviews.subjects import KINDS
 
 _TEXT, _NUMBER = {"type": "string"}, {"type": "number"}
 _MAY_TEXT, _MAY_NUMBER = {"type": ["string", "null"]}, {"type": ["number", "null"]}
@@ -67,7 +68,7 @@ def review_schema() -> dict[str, Any]:
 
 
 def _reviewed_finding() -> dict[str, Any]:
-    finding = finding_schema()
+    finding = finding_schema({kind: one.meaning for kind, one in KINDS.items()})
     first = "id of the finding at the beginning of the chain of causes; null for that one itself"
     finding["properties"] |= {
         "consequence_of": {**_MAY_TEXT, "description": first},

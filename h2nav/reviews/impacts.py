@@ -7,6 +7,7 @@ followed by motors off, disarming, or the end of the log.
 """
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ class Bins(NamedTuple):
         return select_rows(self, wanted)
 
 
-def look_at_impacts(blows: list[Impact]) -> list[Finding]:
+def look_at_impacts(blows: Sequence[Impact]) -> list[Finding]:
     """One finding for each."""
     return [_finding(blow) for blow in blows]
 
@@ -149,7 +150,7 @@ def _usual(driven: Array, airborne: Mask | None) -> float:
     return float(np.median(flown)) if len(flown) else 1.0
 
 
-def in_flight(bins: Bins, context: Context, impacts: "list[Impact]") -> Mask:
+def in_flight(bins: Bins, context: Context, impacts: Sequence[Impact]) -> Mask:
     """(N,) whether the motors carry it and it moves as nothing on the ground does.
 
     Args:
@@ -396,7 +397,7 @@ def _finding(impact: Impact) -> Finding:
     )
 
 
-def look_at_crash_checks(bins: Bins, context: Context, blows: list[Impact]) -> list[Finding]:
+def look_at_crash_checks(bins: Bins, context: Context, blows: Sequence[Impact]) -> list[Finding]:
     """Detections of the autopilot's crash check without a crash.
 
     Args:

@@ -7,6 +7,7 @@ centre.
 """
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class MotorOutputs(NamedTuple):
     flies: Mask  # (N,) the motors carry it, before any impact
 
 
-def look_at_motors(bins: Bins, context: Context, impacts: list[Impact]) -> list[Finding]:
+def look_at_motors(bins: Bins, context: Context, impacts: Sequence[Impact]) -> list[Finding]:
     """Analyses the outputs of a multirotor.
 
     Args:
@@ -64,7 +65,9 @@ def look_at_motors(bins: Bins, context: Context, impacts: list[Impact]) -> list[
     return [*failed, *_uneven(sound, motors), *_saturated(outputs, motors, failed, impacts)]
 
 
-def _outputs(bins: Bins, motors: Motors, context: Context, impacts: list[Impact]) -> MotorOutputs:
+def _outputs(
+    bins: Bins, motors: Motors, context: Context, impacts: Sequence[Impact]
+) -> MotorOutputs:
     columns = np.nan_to_num(motors.pwm_us).T
     pwm_us = np.stack([np.interp(bins.t_s, motors.t_s, column) for column in columns], axis=1)
     columns = np.nan_to_num(motors.share()).T
@@ -133,7 +136,7 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
 
 
 def _saturated(
-    outputs: MotorOutputs, motors: Motors, failed: list[Finding], impacts: list[Impact]
+    outputs: MotorOutputs, motors: Motors, failed: list[Finding], impacts: Sequence[Impact]
 ) -> list[Finding]:
     """Motors at full output for long, or shortly before a crash."""
     known = {finding.sensor.number for finding in failed}

@@ -26,6 +26,7 @@ from h2nav.reviews.standstill import NEVER, Rest, bias_at_rest, force_error
 from h2nav.reviews.tracks import Receiver
 
 MOST_POINTS = 2000
+FEWEST_MOVES = 10
 EARTH_RADIUS_M = 6_371_000.0
 # Windows, s. A receiver that is led astray slowly shows in the long one.
 LENGTHS_S = (1.0, 3.0, 10.0)
@@ -92,7 +93,7 @@ def look_at_receiver(
     lag_s = math.nan
     difference = np.full((len(gps.t_s), 3), np.nan)
     moves = moves_of(gps)
-    if track is not None and best is not None and len(moves.t_s) > 10:
+    if track is not None and best is not None and len(moves.t_s) > FEWEST_MOVES:
         velocity = inertial_velocity(track, best.at(track.t_s))
         lag_s = lag_of(moves, velocity)
         found += _lag_findings(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
@@ -114,6 +115,13 @@ def look_at_receiver(
         lag_s,
     )
     return shown, found
+
+
+def delay_of(moves: Moves, track: ImuTrack | None, best: Attitudes) -> float:
+    """Delay of the receiver's velocity by one IMU, s; NaN if unknown."""
+    if track is None or len(moves.t_s) <= FEWEST_MOVES:
+        return math.nan
+    return lag_of(moves, inertial_velocity(track, best.at(track.t_s)))
 
 
 def _slow(moves: Moves, best: Attitudes, force_m_s2: float) -> Array:

@@ -4,6 +4,8 @@ Slow samples alias a vibration but keep its size: the differences between neighb
 those of the whole spectrum. The autopilot's measure at the sensor's own rate is shown beside it.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
@@ -24,7 +26,7 @@ IMPACT_S = 3.0
 
 
 def look_at_shaking(
-    track: ImuTrack, bins: Bins, context: Context, impacts: list[Impact]
+    track: ImuTrack, bins: Bins, context: Context, impacts: Sequence[Impact]
 ) -> list[Finding]:
     """Analyses one IMU of a vehicle with rotors.
 

@@ -25,11 +25,6 @@ LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
 JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
 
 
-def look_at_supply(context: Context) -> list[Finding]:
-    """Battery and barometer while armed."""
-    return [*_battery(context), *_baro(context)]
-
-
 def _counts(context: Context, t_s: float) -> bool:
     return any(span.from_s - AROUND_S <= t_s <= span.to_s + 1.0 for span in context.armed)
 
@@ -51,7 +46,8 @@ def _reported(
     return sorted(found)
 
 
-def _battery(context: Context) -> list[Finding]:
+def look_at_battery(context: Context) -> list[Finding]:
+    """Reports and voltages of the battery while armed."""
     reports = _reported(context, "battery", BATTERY)
     low = _below_limit(context)
     if not reports and low is None:
@@ -107,7 +103,8 @@ def _below_limit(context: Context) -> tuple[float, float, str] | None:
     return float(from_s), float(to_s), f"below {name} ({limit:.1f} V) for {to_s - from_s:.0f} s"
 
 
-def _baro(context: Context) -> list[Finding]:
+def look_at_barometer(context: Context) -> list[Finding]:
+    """Reports and jumps of the barometer while armed."""
     reports = _reported(context, "barometer", BARO)
     jumps = _jumps(context)
     if not reports and jumps is None:

@@ -10,9 +10,11 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.context import Context
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
+from h2nav.reviews.declared import Trait
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
 from h2nav.reviews.motors import LIMIT_SHARE
+from h2nav.reviews.subjects import KINDS
 
 # Findings this close to a time belong to it.
 NEAR_S = 1.5
@@ -27,16 +29,6 @@ SENSORS = (
     SensorKind.BAROMETER,
     SensorKind.BATTERY,
 )
-ESTIMATORS = (
-    Kind.ATTITUDE_RESET,
-    Kind.AUTOPILOT_HEADING,
-    Kind.AUTOPILOT_TILT,
-    Kind.CORES_DIFFER,
-    Kind.ESTIMATOR_SWITCH,
-    Kind.SAID_EKF_FAILED,
-)
-# What is said of each that is concerned.
-OF_EACH = (Kind.MOTOR_FAILED, Kind.GYRO_BIAS, Kind.ACCELEROMETER_SCALE, Kind.COMPASS_DEAD)
 # A log that ends in the air, by the height of its last seconds.
 ON_THE_GROUND = (
     mavlink.MAV_TYPE_GROUND_ROVER,
@@ -46,60 +38,6 @@ ON_THE_GROUND = (
 HEIGHT_S, HIGH_M, SINKS_M_S, FEWEST_HEIGHTS = 1.0, 3.0, 2.0, 10
 # A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
-# Findings on the recording, not on the vehicle.
-RECORDING = (
-    Kind.CLOCK_DRIFT,
-    Kind.IMU_GAPS,
-    Kind.IMU_SLOW,
-    Kind.IMU_TOO_SLOW,
-    Kind.IMU_TWICE,
-    Kind.LATE_BURSTS,
-    Kind.LOG_PAUSED,
-    Kind.VELOCITY_LOST,
-)
-# In words that follow "was" or "had".
-PHRASES: dict[Kind, str] = {
-    Kind.ACCELEROMETER_APART: "the accelerometers disagreed",
-    Kind.ACCELEROMETER_BIAS: "the accelerometer was not calibrated",
-    Kind.ACCELEROMETER_BIAS_STEP: "an accelerometer's bias jumped",
-    Kind.ACCELEROMETER_FROZEN: "an accelerometer froze",
-    Kind.AUTOPILOT_CRASH_CHECK: "the autopilot's crash check was false",
-    Kind.AUTOPILOT_HEADING: "the autopilot's heading was wrong",
-    Kind.AUTOPILOT_TILT: "the autopilot's roll or pitch was wrong",
-    Kind.AXIS_STUCK: "an axis of an IMU was stuck",
-    Kind.BARO: "the barometer failed",
-    Kind.BATTERY: "the battery was low",
-    Kind.CLIPPED_SAMPLES: "the accelerometer clipped",
-    Kind.CLIPPING: "the accelerometer clipped",
-    Kind.COMPASS_FIELD: "the compass was disturbed",
-    Kind.COMPASS_FROZEN: "the compass froze",
-    Kind.COMPASS_HARD_IRON: "the compass was not calibrated",
-    Kind.COMPASS_MOTORS: "the motors disturbed the compass",
-    Kind.COMPASS_SCALE: "the compass was not calibrated",
-    Kind.COMPASS_SOFT_IRON: "the compass was not calibrated",
-    Kind.COMPASS_STEP: "a magnetic disturbance came or went",
-    Kind.CORES_DIFFER: "the autopilot's estimators disagreed",
-    Kind.ESTIMATOR_SWITCH: "the autopilot changed its estimator",
-    Kind.GPS_FROZEN: "the GPS repeated itself",
-    Kind.GPS_JUMP: "the GPS position jumped",
-    Kind.GPS_LOST: "the GPS lost its fix",
-    Kind.GPS_VELOCITY: "the GPS velocity was wrong",
-    Kind.GYRO_APART: "the gyros disagreed",
-    Kind.GYRO_BIAS_STEP: "a gyro's bias jumped",
-    Kind.GYRO_FROZEN: "a gyro froze",
-    Kind.GYRO_SCALE: "a gyro's scale was off",
-    Kind.IMU_FROZEN: "an IMU froze",
-    Kind.SAID_AIDING: "the EKF had no position",
-    Kind.SAID_COMPASS: "the autopilot did not trust its compass",
-    Kind.SAID_CRASH: "the autopilot reported a crash",
-    Kind.SAID_EKF_FAILED: "the EKF failsafe came",
-    Kind.SAID_FAILSAFE: "a failsafe came",
-    Kind.SAID_GPS_GLITCH: "the GPS glitched",
-    Kind.SAID_SENSOR: "the autopilot reported a sensor or attitude fault",
-    Kind.SAID_VIBRATION: "the autopilot reported vibration",
-    Kind.SAID_YAW_RESET: "the EKF reset its heading",
-    Kind.VIBRATION_LEVEL: "the vibration was strong",
-}
 
 
 class FlightVerdict(NamedTuple):
@@ -232,10 +170,11 @@ def _until(crash: Finding, found: list[Finding]) -> str:
         for one in found
         if one.severity <= Severity.WARNING
         and one.from_s < crash.from_s - NEAR_S
-        and one.kind not in (*RECORDING, Kind.CRASH, Kind.LOSS_OF_CONTROL, Kind.MOTOR_FAILED)
+        and one.kind not in (Kind.CRASH, Kind.LOSS_OF_CONTROL, Kind.MOTOR_FAILED)
+        and not _has(one, Trait.ABOUT_RECORDING)
     ]
     sensors = [one for one in before if one.sensor.kind in SENSORS and one.cause is None]
-    estimators = [one for one in before if one.kind in ESTIMATORS]
+    estimators = [one for one in before if _has(one, Trait.ABOUT_ESTIMATOR)]
     motors = [one for one in before if one.kind is Kind.MOTOR_IMBALANCE]
     parts = [_phrase(one) for one in (*motors, *sensors)]
     if estimators and not sensors:
@@ -259,16 +198,16 @@ def _flown(
 ) -> str:
     """The worst findings, each once; or that nothing was found."""
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
-    serious = [one for one in serious if one.kind not in RECORDING] or serious
+    serious = [one for one in serious if not _has(one, Trait.ABOUT_RECORDING)] or serious
     failed = [one for one in serious if one.kind is Kind.MOTOR_FAILED]
     false = next((one for one in found if one.kind is Kind.AUTOPILOT_CRASH_CHECK), None)
     serious = [one for one in serious if one is not false]
     if false is not None and not serious:
-        return f"No crash: {PHRASES[false.kind]}."
+        return f"No crash: {_phrase(false)}."
     if serious:
         # Of one kind only the first, except for motors, which have numbers.
         firsts = {
-            (one.kind, one.sensor if one.kind in OF_EACH else None): one for one in serious[::-1]
+            (one.kind, one.sensor if _has(one, Trait.EACH) else None): one for one in serious[::-1]
         }
         kept = [one for one in serious if one in firsts.values()]
         parts = list(dict.fromkeys(_phrase(one) for one in kept))
@@ -277,7 +216,7 @@ def _flown(
         rest = f", and {more} more" if more > 0 else ""
         begin = "" if failed or ending else "No crash. "
         if false is not None:
-            begin = f"No crash: {PHRASES[false.kind]}. "
+            begin = f"No crash: {_phrase(false)}. "
         return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"
     if not looked:
         return "Nothing was found wrong in what could be looked at."
@@ -316,19 +255,14 @@ def _sentence(one: Finding) -> str:
 
 def _phrase(one: Finding) -> str:
     """A finding in the middle of a sentence."""
-    numbers = ", ".join(map(str, one.sensor.numbers))
-    match one.kind:
-        case Kind.MOTOR_FAILED | Kind.MOTOR_IMBALANCE | Kind.MOTOR_SATURATED | Kind.VIBRATION:
-            return one.text
-        case Kind.GYRO_BIAS:
-            return f"gyro {numbers} turned at {one.size:.0f} deg/s while it stood still"
-        case Kind.ACCELEROMETER_SCALE:
-            return f"accelerometer {numbers} was off by {0.1 * one.size:.0f} % at rest"
-        case Kind.COMPASS_DEAD:
-            return f"compass {numbers} measured nothing"
-        case Kind.HARD_LANDING:
-            return f"it {one.text} at {one.from_s:.0f} s"
-    return PHRASES.get(one.kind, one.text)
+    phrase = KINDS[one.kind].phrase
+    if isinstance(phrase, str):
+        return phrase or one.text
+    return phrase(one)
+
+
+def _has(one: Finding, trait: Trait) -> bool:
+    return trait in KINDS[one.kind].traits
 
 
 def _listed(parts: list[str]) -> str:

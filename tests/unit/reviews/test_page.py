@@ -17,12 +17,12 @@ from made_flight import (
 )
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.kinds import MEANINGS
 from h2nav.recordings.context import Context, Said, Span
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.document import document
 from h2nav.reviews.flight import EarthFields, Flight, Ratios
 from h2nav.reviews.page import duration, page
+from h2nav.reviews.subjects import KINDS
 
 NOTHING = np.zeros(0)
 HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>\u202e"
@@ -94,7 +94,7 @@ def test_findings_come_first_and_the_worst_of_them_first(made):
 
 def test_a_finding_has_span_size_evidence_and_what_to_check(made):
     text = text_of(page_of(*made))
-    finding, advice = FINDINGS[0], MEANINGS[FINDINGS[0].kind]
+    finding, advice = FINDINGS[0], KINDS[FINDINGS[0].kind].meaning
     start = text.index("240 to 360 s: compass disturbed")
     item = text[start : text.index("244 to 362 s")]
     assert "14 deg" in item

@@ -1,0 +1,94 @@
+"""What a review knows of each kind of finding, and of each subject that it looks at.
+
+A kind is declared once, beside the subject that finds it: its meaning, its words in the verdict,
+its pictures, what it follows from. Chain, verdict, schema, cards and docs/review-findings.md are
+made of these records.
+
+Evidence is a function of the evidence below it. `Evidence.of` works each one out once, when it is
+first asked for: there is no order to keep.
+"""
+
+from collections.abc import Callable
+from enum import Flag, auto
+from typing import Any, NamedTuple, TypeVar
+
+from h2nav.integrity.findings import Finding
+from h2nav.integrity.kinds import AnyKind, Meaning
+from h2nav.reviews.flight import Flight
+
+Value = TypeVar("Value")
+
+# A failure this shortly before a loss of control or a crash caused it; a motor sooner.
+LEADS_S, MOTOR_LEADS_S = 12.0, 5.0
+
+
+class Trait(Flag):
+    """How the findings of a kind are treated."""
+
+    NONE = 0
+    INDEPENDENT = auto()  # it holds for the whole recording, and follows from nothing
+    ABOUT_US = auto()  # about our own attitude, no fault of the vehicle in itself
+    ABOUT_RECORDING = auto()  # about the recording, not the vehicle
+    ABOUT_ESTIMATOR = auto()  # about an attitude of the autopilot
+    UPSET = auto()  # a failed motor or a loss of control brings it about
+    EACH = auto()  # the verdict names every one, by its number
+
+
+class Brought(NamedTuple):
+    """A kind that brings another one about, if it began, or went on, shortly before."""
+
+    by: AnyKind
+    lead_s: float  # how long before
+
+
+class Declared(NamedTuple):
+    """A kind of finding in a review."""
+
+    kind: AnyKind
+    meaning: Meaning
+    # in the verdict, after "was" or "had"; empty: the finding's own text
+    phrase: str | Callable[[Finding], str] = ""
+    section: str = "timeline"  # of the page, with its pictures
+    follows: tuple[AnyKind, ...] = ()  # sensors that were wrong, each an explanation of it
+    brought: tuple[Brought, ...] = ()  # events that cause it, most certain first
+    traits: Trait = Trait.NONE
+    shown_by: str = ""  # for docs/review-findings.md: the evidence
+    limit: str = ""  # likewise: from which size on
+
+
+class Evidence:
+    """Everything that is known of one flight; nothing in it changes.
+
+    Attributes:
+        flight: the recording, our estimates and the findings in flight.
+    """
+
+    def __init__(self, flight: Flight) -> None:
+        self.flight = flight
+        self._known: dict[Callable[..., Any], Any] = {}
+
+    def of(self, part: "Callable[[Evidence], Value]") -> Value:
+        """A part of the evidence, worked out once."""
+        if part not in self._known:
+            self._known[part] = part(self)
+        found: Value = self._known[part]
+        return found
+
+
+# Why a subject cannot be looked at, in a few words; empty if it can.
+Need = Callable[[Evidence], str]
+
+
+class Subject(NamedTuple):
+    """Something that a review looks at."""
+
+    name: str  # for people
+    kinds: tuple[Declared, ...]  # of its findings
+    needs: tuple[Need, ...]  # all of which have to be met
+    look: Callable[[Evidence], list[Finding]]
+    # whether its blindness is told; a detail of another subject is not
+    is_told: bool = True
+
+    def lacks(self, evidence: Evidence) -> str:
+        """Why it cannot be looked at; empty if it can."""
+        return next(filter(None, (need(evidence) for need in self.needs)), "")

@@ -1,0 +1,225 @@
+"""The evidence that several subjects share, each part a function of those below it."""
+
+import numpy as np
+
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
+from h2nav.maths.rows import select_rows
+from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, Span
+from h2nav.recordings.spans import without
+from h2nav.reviews.dead_compass import dead_compasses
+from h2nav.reviews.declared import Evidence
+from h2nav.reviews.force_steps import look_at_force_steps
+from h2nav.reviews.impacts import Bins, Impact, binned, impacts
+from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
+from h2nav.reviews.receiver import delay_of, moves_of
+from h2nav.reviews.receiver_fit import Moves
+from h2nav.reviews.sensor_bias import look_at_biases, measuring
+from h2nav.reviews.standstill import NEVER, Rest, rest_of
+from h2nav.reviews.timing import pauses
+from h2nav.reviews.tracks import Bias
+
+# Recordings of streams, whose messages arrive at rhythms of their own.
+TELEMETRY = ("tlog", "mcap")
+# Raw bytes have no recorded times of arrival; only the stamps inside them are real.
+WITHOUT_TIMES = "bytes"
+# Attitudes are not judged while the vehicle turns over on its way to the ground.
+BEFORE_IMPACT_S = 2.0
+
+
+# --- the recording ------------------------------------------------------------------------------
+
+
+def is_streamed(evidence: Evidence) -> bool:
+    """Whether the messages came over a link, at rhythms of their own."""
+    return evidence.flight.kind in TELEMETRY
+
+
+def has_times(evidence: Evidence) -> bool:
+    """Whether the recording has times of arrival."""
+    return evidence.flight.kind != WITHOUT_TIMES
+
+
+def is_own_log(evidence: Evidence) -> bool:
+    """Whether the autopilot wrote it: a gap in other recordings is a problem of the link."""
+    return evidence.flight.kind not in (*TELEMETRY, WITHOUT_TIMES)
+
+
+def paused(evidence: Evidence) -> tuple[Span, ...]:
+    """Spans in which the autopilot logged nothing."""
+    return pauses(evidence.flight.context) if evidence.of(is_own_log) else ()
+
+
+def recorded(evidence: Evidence) -> Context:
+    """The recording; it is not armed where nothing was logged, nor without times."""
+    context = evidence.flight.context
+    if not evidence.of(has_times):
+        return context._replace(armed=())
+    return context._replace(armed=without(context.armed, evidence.of(paused)))
+
+
+# --- samples ------------------------------------------------------------------------------------
+
+
+def field_tracks(evidence: Evidence) -> tuple[ImuTrack, ...]:
+    """The samples of each IMU with its compass, in order of time; dead compasses without field."""
+    dead = {one.compass for one in evidence.of(dead_rows)}
+    tracks = [_in_order(track) for track in evidence.flight.context.imus]
+    return tuple(_without_field(track) if track.imu in dead else track for track in tracks)
+
+
+def sampled(evidence: Evidence) -> tuple[ImuTrack, ...]:
+    """The samples of each IMU with numbers for gyro and accelerometer."""
+    tracks = map(_numbers, evidence.of(field_tracks))
+    some = tuple(track for track in tracks if len(track.t_s) > 1)
+    return some if evidence.of(has_times) else tuple(map(_stamped, some))
+
+
+def motion_tracks(evidence: Evidence) -> tuple[ImuTrack, ...]:
+    """The same at 100 a second, without the vibration."""
+    return tuple(map(slowed, evidence.of(sampled)))
+
+
+def alive(evidence: Evidence) -> tuple[ImuTrack, ...]:
+    """The same while no finding in flight excludes them."""
+    tracks = (measuring(t, evidence.flight.findings) for t in evidence.of(motion_tracks))
+    return tuple(track for track in tracks if len(track.t_s) > 1)
+
+
+def soundest(evidence: Evidence) -> ImuTrack | None:
+    """The IMU with the shortest time of faults in flight."""
+
+    def wrong_s(track: ImuTrack) -> float:
+        imu = Sensor(SensorKind.IMU, track.imu + 1)
+        return sum(f.to_s - f.from_s for f in evidence.flight.findings if f.sensor == imu)
+
+    return min(evidence.of(motion_tracks), key=wrong_s, default=None)
+
+
+def rests(evidence: Evidence) -> dict[int, Rest]:
+    """Windows at rest, by the number of the IMU, from 0."""
+    context = evidence.of(recorded)
+    return {track.imu: rest_of(track, context) for track in evidence.of(motion_tracks)}
+
+
+def at_rest(evidence: Evidence, track: ImuTrack | None) -> Rest:
+    """The windows at rest of one IMU."""
+    return NEVER if track is None else evidence.of(rests)[track.imu]
+
+
+# --- attitude and vehicle -----------------------------------------------------------------------
+
+
+def best(evidence: Evidence) -> Attitudes | None:
+    """The more certain one of our attitudes, causal or smoothed."""
+    return best_attitude(evidence.flight)
+
+
+def bins(evidence: Evidence) -> Bins | None:
+    """The soundest IMU in bins of a tenth of a second, as recorded."""
+    track = _soundest_as_recorded(evidence)
+    return None if track is None else binned(track, evidence.of(recorded))
+
+
+def blows(evidence: Evidence) -> tuple[Impact, ...]:
+    """Crashes and hard landings, in order."""
+    track = _soundest_as_recorded(evidence)
+    return () if track is None else tuple(impacts(track, evidence.of(recorded)))
+
+
+def crashes(evidence: Evidence) -> list[Impact]:
+    """The crashes among them."""
+    return [blow for blow in evidence.of(blows) if blow.is_crash]
+
+
+def unharmed(evidence: Evidence) -> Context:
+    """The recording; it is not armed after a crash: sensors do not represent a flight then."""
+    context = evidence.of(recorded)
+    spans = [Span(b.t_s - BEFORE_IMPACT_S, b.to_s, "crashed") for b in evidence.of(crashes)]
+    return context._replace(armed=without(context.armed, spans))
+
+
+# --- sensors ------------------------------------------------------------------------------------
+
+
+def dead_rows(evidence: Evidence) -> tuple[CompassRows, ...]:
+    """Compasses that logged a single value throughout."""
+    return dead_compasses(evidence.of(recorded)) if evidence.of(has_times) else ()
+
+
+def biases(evidence: Evidence) -> tuple[tuple[Bias, ...], list[Finding]]:
+    """The biases of each IMU over time, with what they say."""
+    armed = evidence.of(unharmed).armed
+    return look_at_biases(
+        evidence.of(motion_tracks), evidence.of(best), armed, evidence.flight.findings
+    )
+
+
+def receivers(evidence: Evidence) -> tuple[GpsTrack, ...]:
+    """The fixes of each receiver with increasing times."""
+    return tuple(
+        select_rows(gps, np.diff(gps.t_s, prepend=-np.inf) > 0.0)
+        for gps in evidence.of(unharmed).gps
+    )
+
+
+def moves(evidence: Evidence) -> Moves | None:
+    """The velocities of the first receiver; None without any."""
+    fixes = evidence.of(receivers)
+    return moves_of(fixes[0]) if fixes else None
+
+
+def force_steps(evidence: Evidence) -> list[Finding]:
+    """Accelerometers whose bias jumps against the first receiver."""
+    velocities, attitude = evidence.of(moves), evidence.of(best)
+    if velocities is None or attitude is None:
+        return []
+    lag_s = delay_of(velocities, evidence.of(soundest), attitude)
+    armed, found = evidence.of(unharmed).armed, evidence.of(biases)[0]
+    return look_at_force_steps(evidence.of(alive), found, velocities, lag_s, attitude, armed)
+
+
+def witness(evidence: Evidence) -> ImuTrack | None:
+    """The IMU that judges receivers and attitudes: a wrong accelerometer must not."""
+    track, tracks = evidence.of(soundest), evidence.of(alive)
+    wrong = {number for step in evidence.of(force_steps) for number in step.sensor.numbers}
+    if track is None or len(tracks) < 2 or track.imu + 1 not in wrong:
+        return track
+    return next((one for one in tracks if one.imu + 1 not in wrong), track)
+
+
+def is_reported(evidence: Evidence, kind: Kind, imu: int) -> bool:
+    """Whether a check in flight has said it of an IMU, from 0."""
+    sensor = Sensor(SensorKind.IMU, imu + 1)
+    return any(f.kind is kind and f.sensor == sensor for f in evidence.flight.findings)
+
+
+def _soundest_as_recorded(evidence: Evidence) -> ImuTrack | None:
+    track = evidence.of(soundest) if evidence.of(has_times) else None
+    return next(
+        (one for one in evidence.of(sampled) if track is not None and one.imu == track.imu), None
+    )
+
+
+def _without_field(track: ImuTrack) -> ImuTrack:
+    return track._replace(m_b_ut=np.full_like(track.m_b_ut, np.nan))
+
+
+def _stamped(track: ImuTrack) -> ImuTrack:
+    """Samples with their own stamps as times."""
+    return _in_order(track._replace(t_s=(track.stamp_us - track.stamp_us[0]) * 1e-6))
+
+
+def _in_order(track: ImuTrack) -> ImuTrack:
+    """Samples with increasing times."""
+    return _part(track, np.diff(track.t_s, prepend=-np.inf) >= 0.0)
+
+
+def _numbers(track: ImuTrack) -> ImuTrack:
+    """Samples of gyro and accelerometer: zeros throughout come from a compass without an IMU."""
+    ones = np.ones(3)
+    good = np.isfinite(track.w_b @ ones + track.f_b @ ones) & (np.abs(track.f_b) @ ones > 0.0)
+    return _part(track, good)
+
+
+def _part(track: ImuTrack, rows: Mask) -> ImuTrack:
+    return track if rows.all() else select_rows(track, rows)

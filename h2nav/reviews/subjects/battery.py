@@ -1,0 +1,36 @@
+"""The battery."""
+
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.integrity.kinds import Meaning
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.subjects import needs
+from h2nav.reviews.supply import look_at_battery
+
+KINDS = (
+    Declared(
+        Kind.BATTERY,
+        Meaning(
+            (SensorKind.BATTERY,),
+            Severity.ERROR,
+            "V",
+            "The battery could not hold its voltage, or the autopilot said that it is low.",
+            "The battery's age and charge, its plugs and wires, and the calibration of the sensor.",
+        ),
+        phrase="the battery was low",
+        traits=Trait.UPSET,
+        shown_by=(
+            "the autopilot's reports by number and in words; its own limits (`BATT_LOW_VOLT`, "
+            "`FS_BATT_VOLTAGE`); leaps"
+        ),
+        limit="10 s below; 30 m at once",
+    ),
+)
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """See `supply`."""
+    return look_at_battery(evidence.of(parts.recorded))
+
+
+SUBJECT = Subject("battery", KINDS, (needs.times, needs.battery), look)

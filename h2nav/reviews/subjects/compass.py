@@ -1,0 +1,130 @@
+"""Compasses against the earth's field."""
+
+from h2nav.integrity import words
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.integrity.kinds import Meaning
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.compass import look_at_compass
+from h2nav.reviews.dead_compass import look_at_dead
+from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.subjects import needs
+from h2nav.reviews.tracks import CompassFit, FieldTrack
+
+KINDS = (
+    Declared(
+        Kind.COMPASS_DEAD,
+        Meaning(
+            (SensorKind.COMPASS,),
+            Severity.ERROR,
+            "s",
+            "The compass measured nothing: no heading is possible with it.",
+            words.SENSOR,
+        ),
+        phrase=lambda one: f"compass {one.sensor.listed} measured nothing",
+        section="compass",
+        traits=Trait.INDEPENDENT | Trait.EACH,
+        shown_by="rows that never change, from first to last; it is not examined further",
+        limit="50 rows, 5 s",
+    ),
+    Declared(
+        Kind.COMPASS_HARD_IRON,
+        Meaning(
+            (SensorKind.COMPASS,),
+            Severity.WARNING,
+            "mG",
+            "A field that is fixed to the vehicle adds to the earth's.",
+            words.MAGNET,
+        ),
+        phrase="the compass was not calibrated",
+        section="compass",
+        shown_by=(
+            "strength and vertical part of the field alone, over at least a third of a circle of "
+            "headings: a heading that was wrong from the start does not matter"
+        ),
+        limit="10 deg of heading; 15 % of scale; five deviations of the fit",
+    ),
+    Declared(
+        Kind.COMPASS_SOFT_IRON,
+        Meaning(
+            (SensorKind.COMPASS,),
+            Severity.WARNING,
+            "%",
+            "Iron near the compass bends the field.",
+            words.MAGNET,
+        ),
+        phrase="the compass was not calibrated",
+        section="compass",
+        shown_by="as `compass_hard_iron`",
+    ),
+    Declared(
+        Kind.COMPASS_SCALE,
+        Meaning(
+            (SensorKind.COMPASS,),
+            Severity.WARNING,
+            "%",
+            "The compass measures a field of the wrong strength.",
+            "Calibrate it again.",
+        ),
+        phrase="the compass was not calibrated",
+        section="compass",
+        shown_by="as `compass_hard_iron`",
+    ),
+    Declared(
+        Kind.COMPASS_MOTORS,
+        Meaning(
+            (SensorKind.COMPASS,),
+            Severity.WARNING,
+            "mG",
+            "The motors' current makes a field at the compass.",
+            "Move the compass or the wires, twist the wires, or compensate (ArduPilot: "
+            "COMPASS_MOT).",
+        ),
+        phrase="the motors disturbed the compass",
+        section="compass",
+        shown_by="the same fit with the throttle, or the current",
+        limit="30 % of the earth's field at full throttle",
+    ),
+    Declared(
+        Kind.COMPASS_STEP,
+        Meaning(
+            (SensorKind.COMPASS,),
+            Severity.WARNING,
+            "mG",
+            "A field that is fixed to the vehicle came or went.",
+            words.MAGNET,
+        ),
+        phrase="a magnetic disturbance came or went",
+        section="compass",
+        traits=Trait.UPSET,
+        shown_by="steps of the field fixed to the body",
+        limit="12 % of the earth's field within 2 s",
+    ),
+)
+
+
+Looked = tuple[FieldTrack | None, CompassFit | None, list[Finding]]
+
+
+def compasses(evidence: Evidence) -> tuple[Looked, ...]:
+    """Each compass: its field over time, its fit, and what they say."""
+    context, flight = evidence.of(parts.unharmed), evidence.flight
+    is_px4 = "PX4" in f"{flight.autopilot} {context.firmware}"
+    return tuple(
+        look_at_compass(
+            track,
+            evidence.of(parts.best),
+            flight.earth,
+            context,
+            is_raw=is_px4 and "SCALED" in track.source,
+        )
+        for track in evidence.of(parts.field_tracks)
+    )
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """See `dead_compass` and `compass`."""
+    found = look_at_dead(evidence.of(parts.dead_rows))
+    return [*found, *(one for _, _, own in evidence.of(compasses) for one in own)]
+
+
+SUBJECT = Subject("compasses", KINDS, (needs.times, needs.compass), look)

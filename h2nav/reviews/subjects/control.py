@@ -1,0 +1,49 @@
+"""Loss of control."""
+
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.integrity.kinds import Meaning
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.control import look_at_control
+from h2nav.reviews.declared import LEADS_S, MOTOR_LEADS_S, Brought, Declared, Evidence, Subject
+from h2nav.reviews.subjects import needs
+
+KINDS = (
+    Declared(
+        Kind.LOSS_OF_CONTROL,
+        Meaning(
+            (SensorKind.VEHICLE,),
+            Severity.CRITICAL,
+            "deg",
+            "The attitude left its demand, and the motors could not bring it back.",
+            "What came first: a motor at its limit, a sensor, the estimator, or the demand itself.",
+        ),
+        section="attitude",
+        follows=(Kind.GYRO_BIAS,),
+        brought=(
+            Brought(Kind.MOTOR_FAILED, MOTOR_LEADS_S),
+            Brought(Kind.GYRO_FROZEN, LEADS_S),
+            Brought(Kind.IMU_FROZEN, LEADS_S),
+            Brought(Kind.AXIS_STUCK, LEADS_S),
+            Brought(Kind.ACCELEROMETER_FROZEN, LEADS_S),
+            Brought(Kind.GYRO_BIAS_STEP, LEADS_S),
+            Brought(Kind.MOTOR_SATURATED, MOTOR_LEADS_S),
+            Brought(Kind.SAID_EKF_FAILED, LEADS_S),
+        ),
+        shown_by=(
+            "the autopilot's attitude against its demand while it flies and turns; without a "
+            "demand, the gyro"
+        ),
+        limit="20 deg until an impact; 45 deg for 1 s without one",
+    ),
+)
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """See `control`."""
+    bins = evidence.of(parts.bins)
+    if bins is None:
+        return []
+    return look_at_control(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
+
+
+SUBJECT = Subject("attitude against its demand", KINDS, (needs.times, needs.imu), look)

@@ -1,0 +1,93 @@
+"""Crashes, hard landings, and false crash checks of the autopilot."""
+
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.integrity.kinds import Meaning
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.declared import (
+    LEADS_S,
+    MOTOR_LEADS_S,
+    Brought,
+    Declared,
+    Evidence,
+    Subject,
+    Trait,
+)
+from h2nav.reviews.impacts import look_at_crash_checks, look_at_impacts
+from h2nav.reviews.subjects import needs
+
+KINDS = (
+    Declared(
+        Kind.CRASH,
+        Meaning(
+            (SensorKind.VEHICLE,),
+            Severity.CRITICAL,
+            "m/s^2",
+            "The vehicle hit something, or tipped over.",
+            "What stands before it in time: control, motors, battery, sensors.",
+        ),
+        section="attitude",
+        brought=(
+            Brought(Kind.MOTOR_FAILED, MOTOR_LEADS_S),
+            Brought(Kind.GYRO_FROZEN, LEADS_S),
+            Brought(Kind.IMU_FROZEN, LEADS_S),
+            Brought(Kind.AXIS_STUCK, LEADS_S),
+            Brought(Kind.ACCELEROMETER_FROZEN, LEADS_S),
+            Brought(Kind.GYRO_BIAS_STEP, LEADS_S),
+            Brought(Kind.MOTOR_SATURATED, MOTOR_LEADS_S),
+            Brought(Kind.SAID_EKF_FAILED, LEADS_S),
+            Brought(Kind.BATTERY, LEADS_S),
+        ),
+        traits=Trait.INDEPENDENT,
+        shown_by=(
+            "force and rate alone, in every armed span: after a blow, a steady force off the "
+            "vertical axis; or a blow, a vehicle turned over, and no flight after it"
+        ),
+        limit=(
+            "30 deg (other than multirotors: 45 deg and at rest) after 2 g; 5 g and 2.5 times its "
+            "vibration, in means of 20 ms; 70 deg within 2 s before"
+        ),
+    ),
+    Declared(
+        Kind.HARD_LANDING,
+        Meaning(
+            (SensorKind.VEHICLE,),
+            Severity.WARNING,
+            "m/s^2",
+            "The vehicle hit the ground hard, upright.",
+            "How fast it came down and why: throttle, battery, motors at their limit; then the "
+            "frame.",
+        ),
+        phrase=lambda one: f"it {one.text} at {one.from_s:.0f} s",
+        section="attitude",
+        traits=Trait.INDEPENDENT,
+        shown_by="as `crash`",
+    ),
+    Declared(
+        Kind.AUTOPILOT_CRASH_CHECK,
+        Meaning(
+            (SensorKind.AUTOPILOT,),
+            Severity.WARNING,
+            "",
+            "The autopilot says that the vehicle crashed; by its sensors it did not.",
+            "Nothing on the vehicle; motors that run while it cannot move set this off.",
+        ),
+        phrase="the autopilot's crash check was false",
+        follows=(Kind.GYRO_BIAS,),
+        shown_by="its report, without a blow or a vehicle on its side within 15 s",
+        limit="one",
+    ),
+)
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """See `impacts`."""
+    bins, blows = evidence.of(parts.bins), evidence.of(parts.blows)
+    if bins is None:
+        return []
+    return [
+        *look_at_impacts(blows),
+        *look_at_crash_checks(bins, evidence.of(parts.recorded), blows),
+    ]
+
+
+SUBJECT = Subject("crash and landing", KINDS, (needs.times, needs.imu, needs.armed), look)

@@ -1,0 +1,68 @@
+"""Motors: failed, uneven, at their limit."""
+
+from h2nav.integrity import words
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.integrity.kinds import Meaning
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.motors import look_at_motors
+from h2nav.reviews.subjects import needs
+
+KINDS = (
+    Declared(
+        Kind.MOTOR_FAILED,
+        Meaning(
+            (SensorKind.MOTOR,),
+            Severity.CRITICAL,
+            "us",
+            "A motor gave no thrust although thrust was demanded.",
+            words.MOTOR,
+        ),
+        traits=Trait.EACH,
+        shown_by=(
+            "an output that is reassigned in flight; ArduPilot's thrust loss check; one motor at "
+            "full demand, the others low, while the vehicle turns and the force falls"
+        ),
+        limit="98.5 % against 50 % for 0.3 s, 60 deg/s, 0.85 g",
+    ),
+    Declared(
+        Kind.MOTOR_IMBALANCE,
+        Meaning(
+            (SensorKind.MOTOR,),
+            Severity.WARNING,
+            "us",
+            "One motor had to work harder than the others to hold the vehicle level.",
+            words.MOTOR,
+        ),
+        traits=Trait.INDEPENDENT,
+        shown_by=(
+            "outputs in flight, less the part explained by lateral force, rates and their changes "
+            "(wind, manoeuvres); in each third of the flight"
+        ),
+        limit="40 us above the mean of the others, 30 us above the next, and the others about even",
+    ),
+    Declared(
+        Kind.MOTOR_SATURATED,
+        Meaning(
+            (SensorKind.MOTOR,),
+            Severity.ERROR,
+            "%",
+            "A motor was at its limit, so that the autopilot could not ask more of it.",
+            "Weight against thrust, the battery, and damage on the motor that was at its limit.",
+        ),
+        traits=Trait.UPSET,
+        shown_by="outputs in flight against the range that the parameters give",
+        limit="1 s, or 0.5 s shortly before a crash",
+    ),
+)
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """See `motors`."""
+    bins = evidence.of(parts.bins)
+    if bins is None:
+        return []
+    return look_at_motors(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
+
+
+SUBJECT = Subject("motors", KINDS, (needs.times, needs.imu, needs.motors), look)

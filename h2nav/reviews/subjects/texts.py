@@ -1,0 +1,82 @@
+"""What the autopilot said in flight."""
+
+from h2nav.integrity import words
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
+from h2nav.integrity.kinds import Meaning
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.estimators import look_at_texts
+from h2nav.reviews.subjects import needs
+
+KINDS = (
+    Declared(
+        Kind.SAID_AIDING,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the EKF had no position",
+        follows=(Kind.GPS_LOST,),
+    ),
+    Declared(
+        Kind.SAID_COMPASS,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the autopilot did not trust its compass",
+        follows=(Kind.COMPASS_DEAD,),
+    ),
+    Declared(
+        Kind.SAID_CRASH,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the autopilot reported a crash",
+        follows=(Kind.AUTOPILOT_CRASH_CHECK,),
+        traits=Trait.UPSET,
+    ),
+    Declared(
+        Kind.SAID_EKF_FAILED,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the EKF failsafe came",
+        follows=(
+            Kind.GYRO_BIAS,
+            Kind.GYRO_FROZEN,
+        ),
+        traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
+    ),
+    Declared(
+        Kind.SAID_FAILSAFE,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="a failsafe came",
+        traits=Trait.UPSET,
+    ),
+    Declared(
+        Kind.SAID_GPS_GLITCH,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the GPS glitched",
+        follows=(Kind.GPS_LOST,),
+    ),
+    Declared(
+        Kind.SAID_SENSOR,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the autopilot reported a sensor or attitude fault",
+        follows=(
+            Kind.GYRO_BIAS,
+            Kind.GYRO_FROZEN,
+        ),
+        traits=Trait.UPSET,
+    ),
+    Declared(
+        Kind.SAID_VIBRATION,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the autopilot reported vibration",
+        follows=(Kind.VIBRATION,),
+    ),
+    Declared(
+        Kind.SAID_YAW_RESET,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase="the EKF reset its heading",
+    ),
+)
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """See `estimators`."""
+    return look_at_texts(evidence.of(parts.recorded))
+
+
+SUBJECT = Subject("texts of the autopilot", KINDS, (needs.times,), look)

@@ -1,0 +1,97 @@
+"""What the subjects declare is complete, and shown by pictures that exist."""
+
+import importlib.util
+import re
+
+import pytest
+from made_flight import made_analysis, made_flight, page_of
+from needs import REPOSITORY
+from reviewed_flights import flight
+
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.kinds import MEANINGS, FlightKind
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.analysis import analyse
+from h2nav.reviews.declared import Evidence
+from h2nav.reviews.subjects import KINDS, SECTIONS, SUBJECTS
+
+
+def test_every_kind_is_declared_once():
+    declared = [one.kind for subject in SUBJECTS for one in subject.kinds]
+    assert len(declared) == len(set(declared))
+    assert set(Kind) <= set(declared)
+    assert all(KINDS[kind].meaning is meaning for kind, meaning in MEANINGS.items())
+
+
+def test_what_a_kind_follows_from_is_declared_too():
+    for one in KINDS.values():
+        assert {*one.follows, *(by for by, _ in one.brought)} <= set(KINDS)
+
+
+def test_a_kind_says_what_it_means_and_what_to_check():
+    silent = [kind for kind, one in KINDS.items() if not one.meaning.means and "said" not in kind]
+    assert not silent
+    assert all(one.meaning.check for one in KINDS.values())
+
+
+def test_every_kind_leads_to_pictures_that_are_in_the_page():
+    flown = made_flight(60.0, 50.0)
+    sections = set(re.findall(r'<section id="(\w+)">', page_of(flown, made_analysis(flown))))
+    assert set(SECTIONS.values()) <= sections
+    assert SECTIONS["said_crash"] == "timeline"
+
+
+def test_the_documents_table_is_made_of_the_declarations():
+    spec = importlib.util.spec_from_file_location(
+        "finding_tables", REPOSITORY / "tools" / "finding_tables.py"
+    )
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    text = tool.PAGE.read_text(encoding="utf-8")
+    assert text == tool.page(text), "run python tools/finding_tables.py"
+
+
+def test_a_kind_of_a_flight_is_known_by_its_name_like_any_other():
+    kind = FlightKind("touchdown")
+    assert (kind.value, f"{kind}") == ("touchdown", "touchdown")
+    assert Kind.CRASH != kind != FlightKind("crash")
+
+
+def test_evidence_is_worked_out_once():
+    asked = []
+
+    def part(evidence):
+        asked.append(evidence.flight.name)
+        return len(asked)
+
+    evidence = Evidence(flight())
+    assert evidence.of(part) == evidence.of(part) == 1
+
+
+@pytest.mark.parametrize("imu", [1, 2])
+def test_a_receiver_is_judged_by_force_and_rest_of_the_same_sound_imu(imu):
+    """An accelerometer that jumped judges no receiver, nor does its gravity at rest."""
+    flown = flight(imus=3)
+    evidence = Evidence(flown)
+    step = Finding(
+        Kind.ACCELEROMETER_BIAS_STEP,
+        Sensor(SensorKind.IMU, imu),
+        Severity.WARNING,
+        50.0,
+        60.0,
+        2.0,
+        "m/s^2",
+        "",
+        "",
+    )
+    evidence._known[parts.force_steps] = [step]
+    track = evidence.of(parts.witness)
+    assert track.imu + 1 != imu
+    assert parts.at_rest(evidence, track) is evidence.of(parts.rests)[track.imu]
+
+
+def test_a_recording_without_anything_names_what_could_not_be_looked_at():
+    empty = flight()
+    blind = analyse(empty._replace(context=empty.context._replace(imus=(), motors=None)))
+    assert dict(blind.blind)["motors"]
+    assert "motors" not in blind.looked_at
