@@ -109,6 +109,14 @@ class Series(NamedTuple):
         return cls(t_s[kept], values[kept])
 
 
+class OutputBank(NamedTuple):
+    """The outputs of one bank, whatever they drive; NaN where there is none."""
+
+    number: int  # of the bank, from 0
+    t_s: Array  # (N,) times
+    values: Array  # (N, k) pulse widths in microseconds, or what the bank's driver puts out
+
+
 class Motors(NamedTuple):
     """Outputs to the motors of a multirotor; NaN where one is switched off."""
 
@@ -154,6 +162,38 @@ class Esc(NamedTuple):
     rpm: Array  # (N,) revolutions a minute
     current_a: Array  # (N,)
     temperature_degc: Array  # (N,)
+
+
+class Sticks(NamedTuple):
+    """The pilot's sticks, as shares of their travel; NaN where unknown."""
+
+    t_s: Array  # (N,) times
+    roll: Array  # (N,) -1 to 1, positive to the right
+    pitch: Array  # (N,) -1 to 1, positive: nose up
+    yaw: Array  # (N,) -1 to 1, positive to the right
+    throttle: Array  # (N,) 0 to 1
+
+
+class HeightTrack(NamedTuple):
+    """Height by one source, each above a level of its own; NaN where unknown."""
+
+    # ``barometer``, ``estimator`` (the one in use), ``EKF2`` or ``EKF3`` (one of its cores),
+    # ``rangefinder`` (down, above what is there) or ``GPS``
+    kind: str
+    number: int  # among those of its kind, from 0
+    t_s: Array  # (N,) times
+    height_m: Array  # (N,) positive up
+    climb_m_s: Array  # (N,) its own vertical speed, positive up
+
+
+class SensorHealth(NamedTuple):
+    """What the autopilot itself says of one sensor; NaN where it says nothing."""
+
+    kind: str  # ``gyro``, ``accelerometer``, ``compass``, ``barometer``, ``GPS`` or ``IMU``
+    number: int  # among those of its kind, from 0
+    t_s: Array  # (N,) times
+    healthy: Array  # (N,) 1 = it is healthy, 0 = it is not, or gave no value in time
+    errors: Array  # (N,) errors in reading it since boot
 
 
 class CompassRows(NamedTuple):
@@ -262,6 +302,18 @@ class Context(NamedTuple):
     # (N,) 1 while it is off the ground, by the autopilot's own decision
     airborne: Series | None = None
     changes: tuple[ChangedSetting, ...] = ()  # parameters that were changed, in order
+    outputs: tuple[OutputBank, ...] = ()  # all servo outputs, one per bank
+    sticks: Sticks | None = None  # None if not recorded, or if their channels are unknown
+    heights: tuple[HeightTrack, ...] = ()  # by every source of height
+    health: tuple[SensorHealth, ...] = ()  # the autopilot's own word on its sensors
+    # estimator whose attitude was used for control, where the log says it row by row; empty if not
+    flown_by: tuple[Span, ...] = ()
+    # while nothing at all was recorded: the link or the logger was silent, no sensor
+    silent: tuple[Span, ...] = ()
+    # other quantities of the column tables by name; None if not recorded
+    measured: dict[str, Series | None] = {}  # noqa: RUF012 - never changed
+    # where quantities come from: name of the field -> message and column
+    origins: dict[str, str] = {}  # noqa: RUF012 - never changed
     missing: tuple[str, ...] = ()  # what the recording lacks for a better review, one phrase each
     # what was damaged or skipped: reason -> count
     notes: dict[str, int] = {}  # noqa: RUF012 - never changed

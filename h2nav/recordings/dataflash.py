@@ -32,6 +32,7 @@ from h2nav.recordings.autopilot_log import (
     imus_of,
     is_on_earth,
 )
+from h2nav.recordings.columns import Format
 from h2nav.recordings.context import (
     Array,
     AttitudeTrack,
@@ -43,6 +44,7 @@ from h2nav.recordings.context import (
     Series,
     Span,
 )
+from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.dataflash_errors import said_of_error
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
@@ -88,6 +90,8 @@ COPTERS = {
 ANGLES = ("Roll", "Pitch", "Yaw")
 QUATERNION = ("Q1", "Q2", "Q3", "Q4")
 SECOND = "AHRS2"
+# AHRS_EKF_TYPE and ATT.AEKF.
+ESTIMATORS = {0: "DCM", 1: "EKF1", 2: "EKF2", 3: "EKF3"}
 LARGEST_TRIM_RAD = 0.5
 # A message, its columns, and the messages of further cores before cores had numbers.
 Source = tuple[str, tuple[str, ...], dict[int, str]]
@@ -214,6 +218,14 @@ def recorded(tables: LogTables) -> Recorded:
     imus, readings = imus_of(log, _imu_rows(log), _compasses(log, trim), trim.vectors)
     gps, fix_us, receiver = _gps(log)
     attitudes = _attitudes(log, parameters, trim)
+    table = table_fields(
+        log,
+        Format.DATAFLASH,
+        _first_values(settings),
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, vehicle_type),
+        gps,
+    )
+    table["airborne"] = _airborne(log)
     context = Context(
         firmware=firmware,
         start_unix_s=_start_unix_s(log),
@@ -225,26 +237,14 @@ def recorded(tables: LogTables) -> Recorded:
         gps=gps,
         modes=_modes(log, kind),
         primary=_primary(log),
+        flown_by=_in_use(log),
         said=said,
-        throttle=_throttle(log),
-        current_a=controls.current(log),
-        wind_n_m_s=_wind(log),
         vehicle_type=vehicle_type,
-        demand=controls.demand(log),
-        demanded_rates=controls.demanded_rates(log),
-        motors=controls.motors(log, _first_values(settings), vehicle_type),
-        height_m=controls.height(log, "Alt"),
-        height_demand_m=controls.height(log, "DAlt"),
-        climb_m_s=controls.climb(log),
-        baro_height_m=controls.baro_height(log),
-        batteries=controls.batteries(log),
-        board_v=controls.board(log),
-        vibrations=controls.vibrations(log),
-        escs=controls.escs(log),
         compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
         occurrences=controls.occurrences(log),
-        airborne=_airborne(log),
+        silent=log.silences(),
+        **table,
     )
     lacks = {"no version of the firmware": not firmware}
     return Recorded(
@@ -257,7 +257,7 @@ def recorded(tables: LogTables) -> Recorded:
         fix_us,
         next((track for track in attitudes if not track.name.startswith(SECOND)), None),
         next((track for track in attitudes if track.name == SECOND), None),
-        _airspeed(log),
+        context.measured["airspeed_m_s"],
         settings,
         _origin(log),
     )
@@ -466,18 +466,6 @@ def _origin(log: DataflashRows) -> Place | None:
     return Place(*first[0].tolist()) if is_on_earth(first[:, 0], first[:, 1]).all() else None
 
 
-def _airspeed(log: DataflashRows) -> Series | None:
-    for name in ("ARSP", "ASP"):
-        for rows in log.instances(name, "Airspeed"):
-            values = rows.table.numbers("Airspeed")
-            good = np.abs(np.nan_to_num(values, nan=np.inf)) <= FASTEST_M_S
-            if "U" in rows.table:  # the autopilot uses it
-                good &= rows.table.integers("U") != 0
-            if good.any():
-                return Series(rows.t_s[good], values[good])
-    return None
-
-
 # --- attitudes ----------------------------------------------------------------------------------
 
 
@@ -496,7 +484,7 @@ def _flown_by(parameters: dict[str, float]) -> str:
     """Name of the estimator behind ATT, as far as the parameters show."""
     chosen = parameters.get("AHRS_EKF_TYPE")
     if chosen is not None:
-        return {0: "DCM", 1: "EKF1", 2: "EKF2", 3: "EKF3"}.get(int(chosen), "autopilot")
+        return ESTIMATORS.get(int(chosen), "autopilot")
     uses = parameters.get("AHRS_EKF_USE")
     return "autopilot" if uses is None else ("EKF1" if uses else "DCM")
 
@@ -550,6 +538,15 @@ def _primary(log: DataflashRows) -> tuple[Span, ...]:
             names = (f"{name} core {number + 1}" if number >= 0 else "" for number in numbers)
             return log.spans(rows, names)
     return ()
+
+
+def _in_use(log: DataflashRows) -> tuple[Span, ...]:
+    """The estimator behind each row of ATT: its AEKF, where 0 is the DCM."""
+    rows = log.find("ATT", "AEKF")
+    if rows is None:
+        return ()
+    numbers = rows.table.integers("AEKF").tolist()
+    return log.spans(rows, (ESTIMATORS.get(number, "") for number in numbers))
 
 
 # --- the vehicle --------------------------------------------------------------------------------
@@ -670,23 +667,3 @@ def _changes(log: DataflashRows, begins: int, ends: int) -> list[tuple[float, bo
             are_so = rows.table.integers("Id") == number
             found += [(t_s, is_begin) for t_s in rows.t_s[are_so].tolist()]
     return sorted(found)
-
-
-def _throttle(log: DataflashRows) -> Series | None:
-    """0 to 1; stored as a share, in percent or in thousandths over the years."""
-    for column in ("ThO", "ThrOut", "ThrO"):
-        rows = log.find("CTUN", column)
-        if rows is not None:
-            found = rows.series(column)
-            largest = float(np.abs(found.values).max(initial=0.0))
-            unit = 1.0 if largest <= 1.5 else 100.0 if largest <= 100.0 else 1000.0
-            return found._replace(values=found.values / unit)
-    return None
-
-
-def _wind(log: DataflashRows) -> Series | None:
-    """By the first core of the estimator."""
-    for name in ("XKF2", "NKF2", "EKF2"):
-        for rows in log.instances(name, "VWN", "VWE"):
-            return rows.series("VWN", "VWE", largest=FASTEST_M_S)
-    return None

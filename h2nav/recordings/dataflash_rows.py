@@ -27,7 +27,7 @@ class DataflashRows(Log):
         """All rows of a message; None if there are none with these columns."""
         table = self._tables.find(name, *columns)
         times = None if table is None else self.times_of(table)
-        return None if table is None or times is None else self.believed(name, table, times)
+        return None if table is None or times is None else self.kept(name, table, times)
 
     def occasional(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
         """Like `find`, for occasional messages, which until 2015 had no time.
@@ -38,9 +38,9 @@ class DataflashRows(Log):
         table = self._tables.find(name, *columns)
         if table is None:
             return None
-        times = self.times_of(table)
-        if times is None:
-            times = (self.clock.after if begins else self.clock.at)(table.places)
+        if self.times_of(table) is not None:
+            return self.find(name)
+        times = (self.clock.after if begins else self.clock.at)(table.places)
         return self.believed(name, table, times)
 
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:

@@ -10,7 +10,7 @@ from h2nav.recordings.context import Array, Series, Span
 from h2nav.recordings.imu_series import Mask, Times
 from h2nav.recordings.log_clock import LogClock, in_order, is_running
 from h2nav.recordings.row_tables import LogTables, Table
-from h2nav.recordings.spans import spans
+from h2nav.recordings.spans import silences, spans
 
 MOST_INSTANCES = 8
 FIX_AGE_US = 1_000_000
@@ -50,6 +50,7 @@ class Log(ABC):
         self._tables = tables
         self.notes = dict(tables.notes)  # what was damaged or skipped: reason -> count
         self.clock = self._clock()  # of the name with most rows that have a time
+        self._kept: dict[str, Rows | None] = {}
 
     @staticmethod
     @abstractmethod
@@ -77,6 +78,27 @@ class Log(ABC):
         """Counts something that was skipped."""
         if count:
             self.notes[reason] = self.notes.get(reason, 0) + count
+
+    def silences(self) -> tuple[Span, ...]:
+        """While no row of any kind was written."""
+        named = (self._tables.find(name) for name in self._tables.names)
+        times = (self._times(table) for table in named if table is not None)
+        t_us = [one for one in times if one is not None]
+        if not t_us:
+            return ()
+        every_us = np.sort(np.concatenate(t_us)).clip(self.clock.start_us, self.clock.end_us)
+        return silences(self.since_start(every_us))
+
+    def _times(self, table: Table) -> Times | None:
+        """Times of rows as far as they are believed."""
+        times = self.times_of(table)
+        return None if times is None else times[self.clock.believes(table.places, times)]
+
+    def kept(self, name: str, table: Table, times: Times, number: int = 0) -> Rows | None:
+        """The same as `believed` of a table's own times, looked at once."""
+        if table.name not in self._kept:
+            self._kept[table.name] = self.believed(name, table, times, number)
+        return self._kept[table.name]
 
     def believed(self, name: str, table: Table, times: Times, number: int = 0) -> Rows | None:
         """The rows with times like those around them in the file; None if there are none.

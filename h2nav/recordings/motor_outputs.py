@@ -5,12 +5,12 @@ Sources: ArduPilot's SRV_Channel.h (functions 33 to 40 and 82 to 85) and AP_Moto
 (101 to 112).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.recordings.context import Array, Motors
+from h2nav.recordings.context import Array, Motors, OutputBank, Series
 
 # Number of motors of each MAV_TYPE that flies by motors alone.
 MULTIROTORS = {
@@ -23,6 +23,16 @@ MULTIROTORS = {
 }
 ARDUPILOT_MOTORS = {**{33 + i: 1 + i for i in range(8)}, **{82 + i: 9 + i for i in range(4)}}
 PX4_MOTORS = {101 + i: 1 + i for i in range(12)}
+PX4_BANKS = (
+    "PWM_MAIN_FUNC",
+    "PWM_AUX_FUNC",
+    "UAVCAN_EC_FUNC",
+    "HIL_ACT_FUNC",
+    "SIM_GZ_EC_FUNC",
+)
+# The range of outputs without a pulse width; of PX4's without parameters.
+LEAST_US, MOST_US = 1000.0, 2000.0
+CAN_FULL = 8191.0  # of uavcan.equipment.esc.RawCommand
 # Pulse widths that a motor controller accepts; unused channels show others.
 NARROWEST_US, WIDEST_US = 800.0, 2300.0
 # Unused channels of old logs hold random memory, and never change.
@@ -32,7 +42,7 @@ MOVING_US = 5.0
 def ardupilot_channels(
     parameters: Mapping[str, float], vehicle_type: int, pwm_us: Array
 ) -> dict[int, int]:
-    """Column of the outputs, from 0 -> number of its motor, from 1; empty for other vehicles.
+    """LogColumn of the outputs, from 0 -> number of its motor, from 1; empty for other vehicles.
 
     Args:
         parameters: their values at the beginning.
@@ -58,14 +68,63 @@ def _drives_a_motor(pwm_us: Array) -> bool:
     return bool(is_width.all() and len(pwm_us) and np.std(pwm_us) > MOVING_US)
 
 
-def px4_channels(parameters: Mapping[str, float], vehicle_type: int) -> dict[int, int]:
-    """The same of PX4's first outputs."""
-    for bank in ("PWM_MAIN_FUNC", "PWM_AUX_FUNC", "HIL_ACT_FUNC"):
+def px4_channels(parameters: Mapping[str, float], vehicle_type: int) -> list[dict[int, int]]:
+    """The same of PX4: one for each bank of outputs that drives motors by its parameters.
+
+    Until 1.12 a mixer drove the motors with the first outputs, on whichever bank it was loaded.
+    """
+    found = []
+    for bank in PX4_BANKS:
         functions = {i: int(parameters.get(f"{bank}{i + 1}", 0.0)) for i in range(16)}
-        found = {i: PX4_MOTORS[f] for i, f in functions.items() if f in PX4_MOTORS}
-        if found:
-            return found
-    return {i: i + 1 for i in range(MULTIROTORS.get(vehicle_type, 0))}
+        found.append({i: PX4_MOTORS[f] for i, f in functions.items() if f in PX4_MOTORS})
+    by_mixer = {i: i + 1 for i in range(MULTIROTORS.get(vehicle_type, 0))}
+    return [channels for channels in found if channels] or [by_mixer]
+
+
+def px4_motors(
+    banks: Sequence[OutputBank], parameters: Mapping[str, float], vehicle_type: int
+) -> Motors | None:
+    """The motors of a multirotor of PX4, from the bank of outputs that drives them.
+
+    A log names no banks: px4io, the FMU's own pins and CAN each have one, in the order in which
+    their drivers started. The bank of the motors is the first whose outputs for motors move; where
+    none moves, the first with anything else than zeros.
+
+    Args:
+        banks: all outputs, in the order of their instances.
+        parameters: of the autopilot.
+        vehicle_type: MAV_TYPE.
+    """
+    choices = [
+        (bank, channels)
+        for bank in banks
+        for channels in px4_channels(parameters, vehicle_type)
+        if channels and max(channels) < bank.values.shape[1]
+    ]
+    moving = (each for each in choices if _moves(*each))
+    filled = (each for each in choices if np.nan_to_num(each[0].values[:, list(each[1])]).any())
+    chosen = next(moving, None) or next(filled, None)
+    if chosen is None:
+        return None
+    bank, channels = chosen
+    if np.nanmax(bank.values[:, list(channels)]) > WIDEST_US:  # of a motor controller on CAN
+        pwm_us = LEAST_US + (MOST_US - LEAST_US) * bank.values / CAN_FULL
+        return motors_of(channels, bank.t_s, pwm_us, (LEAST_US, MOST_US))
+    least = parameters.get("PWM_MAIN_MIN") or parameters.get("PWM_MIN") or LEAST_US
+    most = parameters.get("PWM_MAIN_MAX") or parameters.get("PWM_MAX") or MOST_US
+    return motors_of(channels, bank.t_s, bank.values, (least, most))
+
+
+def motors_by_share(shares: Series) -> Motors | None:
+    """PX4's motors by number since 1.13: (N, k) shares of their range, NaN where there is none."""
+    used = np.flatnonzero(np.isfinite(shares.values).any(axis=0)).tolist()
+    pwm_us = LEAST_US + (MOST_US - LEAST_US) * shares.values
+    return motors_of({i: i + 1 for i in used}, shares.t_s, pwm_us, (LEAST_US, MOST_US))
+
+
+def _moves(bank: OutputBank, channels: Mapping[int, int]) -> bool:
+    values = bank.values[:, list(channels)]
+    return bool((np.nanstd(values, axis=0) > MOVING_US).all())
 
 
 def ardupilot_range(parameters: Mapping[str, float]) -> tuple[float, float]:

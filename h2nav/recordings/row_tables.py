@@ -65,9 +65,11 @@ class Table:
             values[:, number] = self._numbers(column)
         return values
 
-    def numbers_or_nan(self, column: str) -> Array:
-        """(N,) values of a column; NaN if it is absent."""
-        return self._numbers(column) if column in self else np.full(len(self), np.nan)
+    def numbers_or_nan(self, *columns: str) -> Array:
+        """Like `numbers`; NaN for columns that are absent."""
+        nothing = np.full(len(self), np.nan)
+        found = [self._numbers(name) if name in self else nothing for name in columns]
+        return found[0] if len(found) == 1 else np.stack(found, axis=1)
 
     def integers(self, column: str) -> NDArray[np.int64]:
         """(N,) of a column of integers, as stored; clamped to int64."""

@@ -3,6 +3,7 @@
 Sources: the MAVLink common and ardupilotmega message definitions.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
@@ -13,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.integrity.findings import Severity
 from h2nav.recordings import telemetry_controls as controls
 from h2nav.recordings.autopilot_log import vehicle_name, what_sensors_lack
+from h2nav.recordings.columns import Format, messages_of
 from h2nav.recordings.compass_rows import compass_rows
 from h2nav.recordings.context import (
     Array,
@@ -22,13 +24,15 @@ from h2nav.recordings.context import (
     GpsTrack,
     ImuTrack,
     Said,
-    Series,
     Span,
 )
+from h2nav.recordings.context_fields import table_fields
+from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
 from h2nav.recordings.recording import Recording
 from h2nav.recordings.rotations import quaternions
-from h2nav.recordings.spans import spans
+from h2nav.recordings.spans import silences, spans
+from h2nav.recordings.telemetry_rows import TelemetryRows, message_ids
 from h2nav.service.imu_choice import preference
 from h2nav.wire.frame_scan import FrameScan
 from h2nav.wire.imu import (
@@ -47,7 +51,6 @@ HIGHRES_IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 RECEIVERS = (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_GPS2_RAW)
 CENTI = 1e-2
-PERCENT = 1e-2
 
 MESSAGE_IDS = frozenset(
     {
@@ -60,10 +63,7 @@ MESSAGE_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-        mavlink.MAVLINK_MSG_ID_VFR_HUD,
-        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
-        mavlink.MAVLINK_MSG_ID_WIND,
-        mavlink.MAVLINK_MSG_ID_WIND_COV,
+        *message_ids(messages_of(Format.TELEMETRY, FIELDS)),
         *controls.MESSAGE_IDS,
     }
 )
@@ -106,6 +106,7 @@ def context_of(
     imus = _imus(clock, kind[0])
     parameters = _parameters(clock, kind[0])
     start_unix_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else _date(clock)
+    rows, gps = TelemetryRows(own, start_ns), _receivers(clock)
     context = Context(
         vehicle=vehicle_name(kind[1]),
         start_unix_s=start_unix_s,
@@ -113,28 +114,17 @@ def context_of(
         imus=imus,
         attitudes=_attitudes(clock),
         truth=_truth(clock),
-        gps=_receivers(clock),
+        gps=gps,
         modes=_modes(clock, kind, duration_s),
         armed=_armed(clock, duration_s),
         said=_said(clock),
         parameters=parameters,
-        throttle=_throttle(clock),
-        current_a=_current(clock),
-        wind_n_m_s=_wind(clock),
         vehicle_type=kind[1],
-        demand=controls.demand(clock.find),
-        demanded_rates=controls.demanded_rates(clock.find),
-        motors=controls.motors(clock.find, parameters, *kind),
-        height_m=controls.height(clock.find),
-        climb_m_s=controls.climb(clock.find),
-        batteries=controls.batteries(clock.find),
-        board_v=controls.board(clock.find),
-        vibrations=controls.vibrations(clock.find),
-        escs=controls.escs(clock.find),
         compass_rows=_compass_rows(imus, parameters),
         faults=controls.faults(clock.find),
-        airborne=controls.airborne(clock.find),
+        silent=_silent(own, start_ns),
         notes=notes,
+        **table_fields(rows, Format.TELEMETRY, parameters, kind, gps),
     )
     firmware = _firmware(context.said)
     return context._replace(firmware=firmware, missing=_missing(context, beats is not None))
@@ -183,6 +173,12 @@ def _of_sender(tables: Tables, beats: FrameTable | None) -> Tables:
         message_id: _where(table, (table.senders == sender).all(axis=1))
         for message_id, table in tables.items()
     }
+
+
+def _silent(tables: Tables, start_ns: int) -> tuple[Span, ...]:
+    """While no message came that is read here."""
+    t_ns = np.sort(np.concatenate([table.t_ns for table in tables.values()]))
+    return silences((t_ns - start_ns) * 1e-9)
 
 
 def _where(table: FrameTable, mask: NDArray[np.bool_]) -> FrameTable:
@@ -398,37 +394,8 @@ def _parameters(clock: _Clock, autopilot: int) -> dict[str, float]:
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
         is_integer = table.fields["param_type"] < mavlink.MAV_PARAM_TYPE_REAL32
         values = np.where(is_integer, values.view(np.int32), values.astype(np.float64))
-    return dict(zip(names, values.tolist(), strict=True))
-
-
-def _throttle(clock: _Clock) -> Series | None:
-    table = clock[mavlink.MAVLINK_MSG_ID_VFR_HUD]
-    if table is None:
-        return None
-    return Series(clock.t_s(table), table.fields["throttle"] * PERCENT)
-
-
-def _current(clock: _Clock) -> Series | None:
-    table = clock[mavlink.MAVLINK_MSG_ID_SYS_STATUS]
-    if table is None:
-        return None
-    is_known = table.fields["current_battery"] >= 0
-    if not is_known.any():
-        return None
-    return Series(clock.t_s(table)[is_known], table.fields["current_battery"][is_known] * CENTI)
-
-
-def _wind(clock: _Clock) -> Series | None:
-    table = clock[mavlink.MAVLINK_MSG_ID_WIND]
-    if table is not None:
-        from_rad = np.radians(table.fields["direction"].astype(np.float64))
-        speed = table.fields["speed"].astype(np.float64)
-        towards = -np.stack((speed * np.cos(from_rad), speed * np.sin(from_rad)), axis=1)
-        return Series(clock.t_s(table), towards)
-    table = clock[mavlink.MAVLINK_MSG_ID_WIND_COV]
-    if table is None:
-        return None
-    return Series(clock.t_s(table), _columns(table, "wind_x", "wind_y"))
+    pairs = zip(names, values.tolist(), strict=True)
+    return {name: value for name, value in pairs if math.isfinite(value)}
 
 
 def _date(clock: _Clock) -> float | None:

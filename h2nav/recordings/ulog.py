@@ -28,6 +28,7 @@ from h2nav.recordings.autopilot_log import (
     imus_of,
     is_on_earth,
 )
+from h2nav.recordings.columns import Format
 from h2nav.recordings.context import (
     Array,
     AttitudeTrack,
@@ -36,9 +37,9 @@ from h2nav.recordings.context import (
     Context,
     GpsTrack,
     Said,
-    Series,
     Span,
 )
+from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import FIX_AGE_US, MOST_INSTANCES, Rows
@@ -121,6 +122,7 @@ def recorded(file: ULogFile) -> Recorded:
     imus, readings = imus_of(log, _imu_rows(log), _compasses(log))
     gps, fix_us, receiver = _gps(log)
     attitudes = _attitudes(log, parameters)
+    kind = (mavlink.MAV_AUTOPILOT_PX4, vehicle_type)
     context = Context(
         firmware=_firmware(log),
         start_unix_s=_start_unix_s(log),
@@ -133,36 +135,22 @@ def recorded(file: ULogFile) -> Recorded:
         modes=_modes(log),
         primary=_primary(log),
         said=_said(log),
-        throttle=_throttle(log),
-        current_a=_first(log, ("battery_status", "current_a")),
-        wind_n_m_s=_wind(log),
         vehicle_type=vehicle_type,
-        demand=controls.demand(log),
-        demanded_rates=controls.demanded_rates(log),
-        motors=controls.motors(log, parameters, vehicle_type),
-        height_m=controls.local_position(log, "z", -1.0),
-        height_demand_m=controls.height_demand(log),
-        climb_m_s=controls.local_position(log, "vz", -1.0),
-        baro_height_m=controls.baro_height(log),
-        batteries=controls.batteries(log),
-        board_v=controls.board(log),
-        vibrations=controls.vibrations(log),
-        escs=controls.escs(log),
         compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
-        airborne=_airborne(log),
+        silent=log.silences(),
+        **table_fields(log, Format.ULOG, parameters, kind, gps),
     )
     hidden = "only one IMU, because the others were logged too seldom"
     return Recorded(
         completed(context, log, settings, _armed(log), {hidden: _hides_imus(log, context)}),
-        mavlink.MAV_AUTOPILOT_PX4,
-        vehicle_type,
+        *kind,
         log.clock.start_us,
         readings,
         receiver,
         fix_us,
         flown=attitudes[0] if attitudes else None,
-        airspeed_m_s=_airspeed(log),
+        airspeed_m_s=context.measured["airspeed_m_s"],
         settings=settings,
     )
 
@@ -407,24 +395,6 @@ def _start_unix_s(log: ULogRows) -> float | None:
     return None
 
 
-def _airspeed(log: ULogRows) -> Series | None:
-    return _first(
-        log,
-        ("airspeed_validated", "true_airspeed_m_s"),
-        ("airspeed", "true_airspeed_m_s"),
-        ("airspeed", "indicated_airspeed_m_s"),
-    )
-
-
-def _first(log: ULogRows, *choices: tuple[str, str]) -> Series | None:
-    """The numbers of the first available topic and column of those used over the years."""
-    for topic, column in choices:
-        rows = log.find(topic, column)
-        if rows is not None:
-            return rows.series(column, largest=FASTEST_M_S)
-    return None
-
-
 # --- attitudes --------------------------------------------------------------------------------
 
 
@@ -529,13 +499,6 @@ def _armed(log: ULogRows) -> tuple[Span, ...] | None:
     return log.spans(rows, names)
 
 
-def _airborne(log: ULogRows) -> Series | None:
-    rows = log.find("vehicle_land_detected", "landed")
-    if rows is None:
-        return None
-    return Series(rows.t_s, (rows.table.integers("landed") == 0).astype(np.float64))
-
-
 def _said(log: ULogRows) -> tuple[Said, ...]:
     clock = log.clock
     texts = sorted(
@@ -546,24 +509,3 @@ def _said(log: ULogRows) -> tuple[Said, ...]:
         Said((t_us - clock.start_us) * 1e-6, SEVERITIES[said.level], said.text)
         for t_us, _, said in texts
     )
-
-
-def _throttle(log: ULogRows) -> Series | None:
-    """0 to 1: the controller's demand, otherwise the mean of the motors."""
-    series = _first(
-        log,
-        ("vehicle_thrust_setpoint", "xyz[2]"),
-        ("actuator_controls_0", "control[3]"),
-        ("actuator_motors", "control[0]"),
-    )
-    # Thrust points up, which is negative.
-    return None if series is None else series._replace(values=np.abs(series.values))
-
-
-def _wind(log: ULogRows) -> Series | None:
-    """Velocity of the air."""
-    for topic in ("wind", "wind_estimate", "estimator_wind"):
-        rows = log.find(topic, "windspeed_north", "windspeed_east")
-        if rows is not None:
-            return rows.series("windspeed_north", "windspeed_east", largest=FASTEST_M_S)
-    return None

@@ -1,0 +1,199 @@
+"""The column tables: what each format stores comes out in the same unit, under the same name."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_logs import START_US, DataflashWriter, ULogWriter
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.recordings.columns import Format, messages_of
+from h2nav.recordings.context import Context
+from h2nav.recordings.dataflash import open_dataflash
+from h2nav.recordings.field_tables import FIELDS
+from h2nav.recordings.recording import open_recording
+from h2nav.recordings.telemetry import read_context
+from h2nav.recordings.ulog import open_ulog
+from h2nav.wire.codec import Encoder
+from h2nav.wire.dialect import LAYOUTS
+
+TIMES = START_US + np.arange(0, 10_000_000, 100_000, dtype=np.int64)
+MOVES = np.linspace(0.0, 1.0, len(TIMES))
+
+
+def dataflash(tmp_path: Path, writer: DataflashWriter) -> Context:
+    path = tmp_path / "log.bin"
+    path.write_bytes(writer.bytes())
+    return open_dataflash(path).context()
+
+
+def ulog(tmp_path: Path, writer: ULogWriter) -> Context:
+    path = tmp_path / "log.ulg"
+    path.write_bytes(writer.bytes())
+    return open_ulog(path).context()
+
+
+def telemetry(tmp_path: Path, *messages: mavlink.MAVLink_message) -> Context:
+    encoder = Encoder(1, 1)
+    kinds = (mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    beat = mavlink.MAVLink_heartbeat_message(*kinds, 0, 0, mavlink.MAV_STATE_ACTIVE, 3)
+    path = tmp_path / "log.tlog"
+    path.write_bytes(
+        b"".join(
+            struct.pack(">Q", 1_700_000_000_000_000 + 1000 * i) + encoder.encode(message)
+            for i, message in enumerate((beat, *messages))
+        )
+    )
+    return read_context(open_recording(path))
+
+
+def parameter(name: str, value: float) -> mavlink.MAVLink_message:
+    return mavlink.MAVLink_param_value_message(name.encode(), value, 9, 1, 0)
+
+
+def test_every_message_of_telemetry_is_one_of_the_dialect():
+    assert messages_of(Format.TELEMETRY, FIELDS) <= {layout.name for layout in LAYOUTS.values()}
+
+
+def test_the_sticks_point_the_same_way_in_every_format(tmp_path: Path):
+    """Right, nose up, right, a quarter of the throttle."""
+    writer = DataflashWriter()
+    names = np.array([b"RCMAP_ROLL", b"RCMAP_YAW", b"RC2_REVERSED", b"RC3_MIN", b"RC3_MAX"])
+    values = [4.0, 1.0, 1.0, 1100.0, 1900.0]
+    writer.add("PARM", "QNf", "TimeUS,Name,Value", np.full(5, START_US), names, values)
+    writer.add("RCIN", "QHHHH", "TimeUS,C1,C2,C3,C4", TIMES, 1750, 1250, 1300, 2000)
+    old = ULogWriter()
+    fields = "float x;float y;float z;float r"
+    old.add("manual_control_setpoint", fields, TIMES, -0.5, 1.0, 0.25, 0.5)
+    new = ULogWriter()
+    fields = "float roll;float pitch;float yaw;float throttle"
+    new.add("manual_control_setpoint", fields, TIMES, 1.0, -0.5, 0.5, -0.5)
+    widths = (2000, 1750, 1250, 1750, *[65535] * 14)
+    channels = mavlink.MAVLink_rc_channels_message(0, 4, *widths, 255)
+    for context in (
+        dataflash(tmp_path, writer),
+        ulog(tmp_path, old),
+        ulog(tmp_path, new),
+        telemetry(tmp_path, channels),
+    ):
+        assert context.sticks is not None
+        found = [column[0] for column in context.sticks[1:]]
+        assert found == pytest.approx([1.0, 0.5, 0.5, 0.25])
+
+
+def test_sticks_of_px4_need_its_map_of_channels(tmp_path: Path):
+    writer = ULogWriter()
+    writer.add("input_rc", "uint16_t[18] values", TIMES, [2000, 1250, 1250, 1750, *[0] * 14])
+    assert ulog(tmp_path, writer).sticks is None
+    for axis, channel in (("ROLL", 1), ("PITCH", 2), ("THROTTLE", 3), ("YAW", 4)):
+        writer.parameter(f"RC_MAP_{axis}", channel)
+    found = ulog(tmp_path, writer).sticks
+    assert found is not None
+    assert [column[0] for column in found[1:]] == pytest.approx([1.0, 0.5, 0.5, 0.25])
+
+
+def test_a_sensor_is_as_healthy_as_the_autopilot_says(tmp_path: Path):
+    late = np.where(TIMES[50] <= TIMES, 2**31 - 1, 0)
+    writer = DataflashWriter()
+    columns = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,GH,AH"
+    values = (0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 7, 8)
+    writer.add("IMU", "QBffffffIIBB", columns, TIMES, 1, *values, late == 0, 1)
+    px4 = ULogWriter()
+    px4.add("sensor_combined", "int32_t accelerometer_timestamp_relative", TIMES, late)
+    fields = "uint32_t accel_error_count;uint32_t gyro_error_count"
+    px4.add("vehicle_imu_status", fields, TIMES, 8, 7)
+    both = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    well = mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    status = mavlink.MAVLink_sys_status_message(both, both, well, *[0] * 10)
+    gyro, accelerometer = dataflash(tmp_path, writer).health
+    assert (gyro.kind, gyro.number, accelerometer.kind) == ("gyro", 1, "accelerometer")
+    assert (gyro.healthy.tolist(), set(gyro.errors)) == ([1.0] * 50 + [0.0] * 50, {7.0})
+    found = {(one.kind, one.number): one for one in ulog(tmp_path, px4).health[:2]}
+    assert set(found["gyro", 0].errors) == {7.0}
+    assert np.isnan(found["gyro", 0].healthy).all()
+    timed = ulog(tmp_path, px4).health[-1]
+    assert (timed.kind, timed.healthy.tolist()) == ("accelerometer", [1.0] * 50 + [0.0] * 50)
+    assert {(one.kind, one.healthy[0]) for one in telemetry(tmp_path, status).health} == {
+        ("gyro", 0.0),
+        ("accelerometer", 1.0),
+    }
+
+
+def test_heights_of_every_source_point_up(tmp_path: Path):
+    writer = DataflashWriter()
+    writer.add("CTUN", "Qfh", "TimeUS,Alt,CRt", TIMES, 10.0, 250)
+    writer.add("XKF1", "QBff", "TimeUS,C,PD,VD", TIMES, 1, -11.0, -2.5)
+    writer.add("BARO", "QBff", "TimeUS,I,Alt,CRt", TIMES, 0, 12.0, 2.5)
+    columns = "TimeUS,Instance,Dist,Stat,Orient"
+    writer.add("RFND", "QBfBB", columns, TIMES, 0, 9.0, np.where(MOVES < 0.5, 4, 2), 25)
+    px4 = ULogWriter()
+    px4.add("vehicle_local_position", "float z;float vz", TIMES, -10.0, -2.5)
+    px4.add("vehicle_air_data", "float baro_alt_meter", TIMES, 12.0)
+    fields = "float current_distance;float min_distance;float max_distance;uint8_t orientation"
+    px4.add("distance_sensor", fields, TIMES, np.where(MOVES < 0.5, 9.0, 50.0), 0.1, 20.0, 25)
+    messages = (
+        mavlink.MAVLink_global_position_int_message(0, 0, 0, 0, 10_000, 0, 0, -250, 0),
+        mavlink.MAVLink_scaled_pressure_message(0, 1013.25, 0.0, 2000),
+        mavlink.MAVLink_distance_sensor_message(0, 10, 2000, 900, 0, 0, 25, 0),
+    )
+    for context in (dataflash(tmp_path, writer), ulog(tmp_path, px4)):
+        found = {track.kind: track for track in context.heights}
+        assert (found["estimator"].height_m[0], found["estimator"].climb_m_s[0]) == (10.0, 2.5)
+        assert found["barometer"].height_m[0] == 12.0
+        down = found["rangefinder"].height_m
+        assert (down[0], np.isnan(down[-1])) == (9.0, True)
+    core = next(one for one in dataflash(tmp_path, writer).heights if one.kind == "EKF3")
+    assert (core.number, core.height_m[0], core.climb_m_s[0]) == (1, 11.0, 2.5)
+    wired = {one.kind: one.height_m[0] for one in telemetry(tmp_path, *messages).heights}
+    assert wired == pytest.approx({"estimator": 10.0, "barometer": 0.0, "rangefinder": 9.0})
+
+
+def test_motors_of_px4_are_those_that_its_bank_drives(tmp_path: Path):
+    """px4io is silent, the ESCs are on CAN, and the auxiliary pins hold still, in most rows."""
+    writer = ULogWriter()
+    writer.add("vehicle_status", "uint8_t vehicle_type", TIMES, 1)
+    outputs = np.zeros((len(TIMES), 16))
+    driven = outputs.copy()
+    driven[:, :4] = 4000.0 + 2000.0 * MOVES[:, None] + np.arange(4)
+    still = outputs.copy()
+    still[:, :4] = (1450, 1008, 1000, 1500)
+    writer.add("actuator_outputs", "float[16] output", TIMES[:-5], outputs[:-5])
+    writer.add("actuator_outputs", "float[16] output", TIMES[:-3], driven[:-3], number=1)
+    writer.add("actuator_outputs", "float[16] output", TIMES, still, number=2)
+    motors = ulog(tmp_path, writer).motors
+    assert motors is not None
+    assert len(motors.t_s) == len(TIMES) - 3
+    assert motors.share()[0] == pytest.approx([(4000 + i) / 8191 for i in range(4)])
+    # A parameter names the outputs, whichever bank it is of.
+    for output, number in ((1, 102), (2, 101), (3, 104), (4, 103)):
+        writer.parameter(f"UAVCAN_EC_FUNC{output}", number)
+    motors = ulog(tmp_path, writer).motors
+    assert motors is not None
+    assert motors.share()[0] == pytest.approx([(4000 + i) / 8191 for i in (1, 0, 3, 2)])
+
+
+def test_a_pause_of_everything_is_a_silence(tmp_path: Path):
+    quiet = (TIMES[40] > TIMES) | (TIMES[60] < TIMES)
+    writer = DataflashWriter()
+    writer.add("CTUN", "Qf", "TimeUS,Alt", TIMES[quiet], 10.0)
+    writer.add("BARO", "Qf", "TimeUS,Alt", TIMES[quiet][::2], 10.0)
+    (span,) = dataflash(tmp_path, writer).silent
+    assert (span.from_s, span.to_s) == pytest.approx((3.9, 6.1))
+    writer.add("BAT", "Qf", "TimeUS,Volt", TIMES[~quiet], 12.0)
+    assert dataflash(tmp_path, writer).silent == ()
+
+
+def test_the_estimator_that_flew_is_that_of_each_row(tmp_path: Path):
+    writer = DataflashWriter()
+    active = np.where(MOVES < 0.5, 0, 3)
+    columns = "TimeUS,Roll,Pitch,Yaw,AEKF"
+    writer.add("ATT", "QfffB", columns, TIMES, 1.0, 2.0, 3.0, active)
+    assert [span.name for span in dataflash(tmp_path, writer).flown_by] == ["DCM", "EKF3"]
+
+
+def test_fields_tell_where_they_come_from(tmp_path: Path):
+    writer = DataflashWriter()
+    writer.add("CURR", "Qff", "TimeUS,Volt,Curr", TIMES, 12.0, 3.0)
+    origins = dataflash(tmp_path, writer).origins
+    assert (origins["batteries"], origins["current_a"]) == ("CURR", "CURR.Curr")
