@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="DEST",
-        help="folder for the files of csv, parquet and rosbag2, name of the file for tum and tlog",
+        help="folder for the files of csv, parquet and rosbag2, name of the file for the others",
     )
     parser.add_argument(
         "--to",
@@ -55,7 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "/mavlink/tx/autopilot. rosbag2: a bag of ROS 2, ENU and FLU: /imu/data (attitude with its "
         "covariance), /imu/data_raw, /imu/mag, /velocity, /diagnostics (what was found) and /tf; "
         "--topic chooses among these. Another recording is replayed first, and exported with its "
-        "estimates; what an autopilot wrote itself has no MAVLink frames."
+        "estimates; what an autopilot wrote itself has no MAVLink frames. mcap: every message of a "
+        ".bin, .ulg or .tlog as a channel in protobuf, with the units of its fields in the "
+        "channel's metadata, and the autopilot's attitude and position as /tf, /pose and /location "
+        "for Foxglove and Lichtblick; nothing is replayed."
     )
 
 
@@ -65,11 +69,11 @@ def run(args: argparse.Namespace) -> int:
     from h2nav.apps.recorded_log import as_log
 
     try:
-        with (
-            byte_bar("replaying") as replaying,
-            as_log(args.log, replaying) as args.log,
-            byte_bar("exporting") as progress,
-        ):
+        with ExitStack() as stack:
+            if args.to not in _OF_RECORDINGS:
+                replaying = stack.enter_context(byte_bar("replaying"))
+                args.log = stack.enter_context(as_log(args.log, replaying))
+            progress = stack.enter_context(byte_bar("exporting"))
             document, lines = _EXPORTS[args.to](args, progress)
     except OSError as error:
         place = error.filename or args.output
@@ -134,4 +138,25 @@ def _rosbag2(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, An
     return {**result._asdict(), "path": str(result.path)}, [f"{result.path}:", *lines]
 
 
-_EXPORTS = {"csv": _csv, "parquet": _parquet, "tum": _tum, "tlog": _tlog, "rosbag2": _rosbag2}
+def _mcap(args: argparse.Namespace, progress: Progress) -> tuple[dict[str, Any], list[str]]:
+    from h2nav.recordings.log_mcap import export_mcap
+
+    if args.topic:
+        raise BadInput("--topic: every message becomes a channel; leave it out")
+    result = export_mcap(args.log, args.output, progress)
+    lines = [f"{topic}: {count} messages" for topic, count in result.messages.items()]
+    if result.left_out:
+        lines.append(f"{result.left_out} messages of further channels left out")
+    return {**result._asdict(), "path": str(result.path)}, [*lines, f"{result.path}"]
+
+
+_EXPORTS = {
+    "csv": _csv,
+    "parquet": _parquet,
+    "tum": _tum,
+    "tlog": _tlog,
+    "rosbag2": _rosbag2,
+    "mcap": _mcap,
+}
+_OF_RECORDINGS = frozenset({"mcap"})
+"""Formats that show what was recorded, not what a replay estimates."""

@@ -94,15 +94,16 @@ def flat_fields(schema_name: str, data: bytes) -> dict[str, Any] | None:
     return {f"q_{axis}": getattr(rotation, axis) for axis in "wxyz"}
 
 
-def _descriptor_set(message_type: Any) -> bytes:
+def descriptor_set(message_type: Any) -> bytes:
     """The message's file descriptor and every one it imports, as MCAP requires."""
     files: dict[str, FileDescriptor] = {}
 
     def collect(file: FileDescriptor) -> None:
+        # Those that a file imports come before it, as protoc orders them and readers expect.
         if file.name not in files:
-            files[file.name] = file
             for dependency in file.dependencies:
                 collect(dependency)
+            files[file.name] = file
 
     collect(message_type.DESCRIPTOR.file)
     found = FileDescriptorSet()
@@ -114,6 +115,6 @@ def _descriptor_set(message_type: Any) -> bytes:
 def protobuf_schemas() -> dict[str, tuple[str, bytes]]:
     """Topic -> (schema name, descriptor set) of all channels of this module."""
     return {
-        topic: (kind.DESCRIPTOR.full_name, _descriptor_set(kind))
+        topic: (kind.DESCRIPTOR.full_name, descriptor_set(kind))
         for topic, kind in (("/tf", FrameTransform), ("/pose", PoseInFrame), ("/log", Log))
     }

@@ -228,7 +228,7 @@ def recorded(tables: LogTables) -> Recorded:
     table["airborne"] = _airborne(log)
     context = Context(
         firmware=firmware,
-        start_unix_s=_start_unix_s(log),
+        start_unix_s=start_unix_s(log),
         imus=imus,
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
@@ -443,7 +443,7 @@ def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
     return track, stamp_us
 
 
-def _start_unix_s(log: DataflashRows) -> float | None:
+def start_unix_s(log: DataflashRows) -> float | None:
     """From the receiver's week and time of week, at the first fix."""
     for week, time_ms in (("GWk", "GMS"), ("Week", "TimeMS")):
         rows = log.find("GPS", "Status", week, time_ms)

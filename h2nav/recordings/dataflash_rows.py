@@ -25,7 +25,7 @@ class DataflashRows(Log):
 
     def find(self, name: str, *columns: str) -> Rows | None:
         """All rows of a message; None if there are none with these columns."""
-        table = self._tables.find(name, *columns)
+        table = self.tables.find(name, *columns)
         times = None if table is None else self.times_of(table)
         return None if table is None or times is None else self.kept(name, table, times)
 
@@ -35,7 +35,7 @@ class DataflashRows(Log):
         Rows without one get the time of the row before them in the file; if they `begins`
         something, of the row after them, because the autopilot may have logged nothing until then.
         """
-        table = self._tables.find(name, *columns)
+        table = self.tables.find(name, *columns)
         if table is None:
             return None
         if self.times_of(table) is not None:

@@ -13,6 +13,8 @@ import math
 import re
 from array import array
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,9 +61,13 @@ WORDS = frozenset("nNZM")
 WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 
+Progress = Callable[[int, int], None]
+
 PROBE_BYTES = 4096
 # Bytes that are followed together, or one by one where that fails.
 STRETCH, SINGLY = 1 << 20, 1 << 9
+# Of a log that is read piece by piece.
+PIECE_BYTES = 1 << 23
 LARGEST = 2.0**62
 
 
@@ -103,6 +109,13 @@ class RowFormat(NamedTuple):
         return {name: d for name, letter in pairs if (d := FIELDS[letter][1]) is not None}
 
 
+class Piece(NamedTuple):
+    """A part of a log."""
+
+    tables: LogTables  # of the messages in it
+    formats: Mapping[int, RowFormat]  # of all types defined so far, by number
+
+
 def is_dataflash(start: bytes) -> bool:
     """Whether a file with this beginning is a dataflash log, binary or text.
 
@@ -127,10 +140,30 @@ def read_dataflash(path: Path) -> LogTables:
     return _Chain(data).follow()
 
 
+def dataflash_pieces(path: Path, progress: Progress = lambda done, total: None) -> Iterator[Piece]:
+    """Reads the tables of a log piece by piece, so that its size does not matter.
+
+    Args:
+        progress: called with the bytes done and the total.
+
+    Raises:
+        BadInput: the file cannot be opened.
+    """
+    with path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+        start = data[:PROBE_BYTES]
+        if FMT_OF_FMT not in start and TEXT_START.match(start):
+            yield Piece(_text_tables(data[:]), {})
+            return
+        for done, piece in _Chain(data).pieces():
+            yield piece
+            progress(done, len(data))
+            data.madvise(MADV_DONTNEED)  # what was read need not stay in memory
+
+
 class _Chain:
     """Follows the records of a binary log."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | mmap) -> None:
         self._data = data
         self._lengths = [0] * 256
         self._lengths[FMT_TYPE] = FMT_BYTES
@@ -141,15 +174,32 @@ class _Chain:
 
     def follow(self) -> LogTables:
         """The tables."""
+        for _ in self._stretches():
+            pass
+        return LogTables(self._sources(), dict(self._notes))
+
+    def pieces(self) -> Iterator[tuple[int, Piece]]:
+        """Yields successive pieces, with the place where each ends."""
+        begun = 0
+        for place in self._stretches():
+            if place - begun >= PIECE_BYTES or place >= len(self._data):
+                yield place, Piece(LogTables(self._sources(), {}), self._formats)
+                self._places = [array("q") for _ in range(256)]
+                begun = place
+
+    def _stretches(self) -> Iterator[int]:
+        """Follows the log; yields the places reached, the end last."""
         place, size, singly = 0, len(self._data), SINGLY
         while place + HEADER_BYTES <= size:
             before, place = place, self._follow_stretch(place)
             # Stretches that lead nowhere are tried less and less often.
             singly = SINGLY if place - before >= STRETCH // 16 else min(2 * singly, STRETCH)
             place = self._follow_singly(place, place + singly)
+            if place + HEADER_BYTES <= size:
+                yield place
         if place < size:
             self._notes["bytes that are no record"] += size - place
-        return LogTables(self._sources(), dict(self._notes))
+        yield size
 
     def _follow_stretch(self, place: int) -> int:
         """Follows many records at once while their types are known; returns where it ended.

@@ -79,7 +79,7 @@ class TableMaker:
                     FrameTable(
                         found.t_ns[found.arrivals[rows]],
                         np.stack((senders[rows] >> 8, senders[rows] & 0xFF), 1).astype(np.uint8),
-                        _fields(found, msg_id, rows),
+                        fields_of(found, msg_id, rows),
                     )
                 )
 
@@ -105,8 +105,11 @@ def tables(recording: Recording, ids: Collection[int]) -> dict[int, FrameTable]:
     return maker.tables()
 
 
-def _fields(found: FoundFrames, msg_id: int, rows: Integers) -> NDArray[Any]:
-    """Payloads with the zeros that MAVLink 2 truncated, without bytes unknown to the dialect."""
+def fields_of(found: FoundFrames, msg_id: int, rows: Integers) -> NDArray[Any]:
+    """(N,) the fields of some frames of one message, see `fields_type`.
+
+    Payloads get back the zeros that MAVLink 2 truncated, and lose bytes unknown to the dialect.
+    """
     size = LAYOUTS[msg_id].size
     at, lengths = found.headers.payload_at[rows], found.headers.lengths[rows]
     # The bytes after the last frame of the buffer do not matter.

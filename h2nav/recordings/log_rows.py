@@ -47,7 +47,7 @@ class Log(ABC):
     """The tables of a file with the clock of its rows; each format has a subclass."""
 
     def __init__(self, tables: LogTables) -> None:
-        self._tables = tables
+        self.tables = tables
         self.notes = dict(tables.notes)  # what was damaged or skipped: reason -> count
         self.clock = self._clock()  # of the name with most rows that have a time
         self._kept: dict[str, Rows | None] = {}
@@ -117,7 +117,7 @@ class Log(ABC):
         return Rows(number, table, times, self.since_start(times))
 
     def _clock(self) -> LogClock:
-        tables = self._tables
+        tables = self.tables
         for name in sorted(tables.names, key=lambda name: (-tables.rows(name), name)):
             table = tables.find(name)
             times = None if table is None else self.times_of(table)

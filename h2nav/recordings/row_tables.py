@@ -1,6 +1,7 @@
 """Rows of one kind in an autopilot's own log, as columns."""
 
 from collections.abc import Callable, Mapping
+from mmap import mmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,16 @@ class Table:
 
     def __contains__(self, column: str) -> bool:
         return column in self.columns
+
+    @property
+    def divisors(self) -> Mapping[str, float]:
+        """Of the columns stored as multiples of a fraction."""
+        return self._divisors
+
+    def stored_rows(self) -> NDArray[np.void]:
+        """(N,) structured, as stored."""
+        stored: NDArray[np.void] = self._rows[self._wanted]
+        return stored
 
     def only(self, wanted: NDArray[np.bool_]) -> "Table":
         """The selected rows."""
@@ -97,7 +108,7 @@ class Table:
         return stored
 
 
-def rows_of(data: bytes, row: np.dtype[np.void]) -> NDArray[np.void]:
+def rows_of(data: bytes | mmap, row: np.dtype[np.void]) -> NDArray[np.void]:
     """The rows that might begin at each byte of the data: a view with overlapping rows."""
     return np.ndarray((max(len(data) - row.itemsize + 1, 0),), row, data, strides=(1,))
 
@@ -105,7 +116,7 @@ def rows_of(data: bytes, row: np.dtype[np.void]) -> NDArray[np.void]:
 class RowSource(NamedTuple):
     """The location of the rows of one message in a file."""
 
-    data: bytes  # of the file
+    data: bytes | mmap  # of the file
     places: NDArray[np.int64]  # (N,) of the rows, bytes from its beginning
     row: Callable[[], np.dtype[np.void] | None]  # returns the type of a row, None if it is invalid
     divisors: dict[str, float]  # of the columns stored as multiples of a fraction

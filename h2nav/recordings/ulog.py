@@ -125,7 +125,7 @@ def recorded(file: ULogFile) -> Recorded:
     kind = (mavlink.MAV_AUTOPILOT_PX4, vehicle_type)
     context = Context(
         firmware=_firmware(log),
-        start_unix_s=_start_unix_s(log),
+        start_unix_s=start_unix_s(log),
         imus=imus,
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
@@ -384,7 +384,7 @@ def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
     )
 
 
-def _start_unix_s(log: ULogRows) -> float | None:
+def start_unix_s(log: ULogRows) -> float | None:
     """From the receiver's date."""
     for topic in ("sensor_gps", "vehicle_gps_position"):
         for rows in log.instances(topic, "time_utc_usec"):

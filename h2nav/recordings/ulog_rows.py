@@ -22,7 +22,7 @@ class ULogRows(Log):
 
     def find(self, topic: str, *columns: str, number: int = 0) -> Rows | None:
         """The rows of an instance of a topic; None if there are none with these columns."""
-        table = self._tables.find(instance(topic, number), "timestamp", *columns)
+        table = self.tables.find(instance(topic, number), "timestamp", *columns)
         if table is None:
             return None
         return self.kept(topic, table, table.integers("timestamp"), number)

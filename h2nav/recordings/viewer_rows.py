@@ -1,0 +1,121 @@
+"""Attitude and position of recorded messages, in schemas that viewers draw by themselves."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from numpy.typing import NDArray
+
+from h2nav.log.foxglove_messages import AttitudeMessages, descriptor_set, protobuf_schemas
+from h2nav.maths.rows import Array, from_euler
+from h2nav.maths.units import DEG
+from h2nav.recordings.protobuf_rows import Rows
+from h2nav.recordings.rotations import are_units
+
+NS_PER_S = 1_000_000_000
+LOCATION_TOPIC = "/location"
+SCHEMAS = {
+    **{topic: schema for topic, schema in protobuf_schemas().items() if topic != "/log"},
+    LOCATION_TOPIC: (LocationFix.DESCRIPTOR.full_name, descriptor_set(LocationFix)),
+}
+"""Topic -> schema name and descriptors of all channels of this module."""
+
+
+class ViewerMessages(NamedTuple):
+    """Messages of one topic."""
+
+    topic: str  # a key of `SCHEMAS`
+    rows: NDArray[np.int64]  # (M,) number of the row that each one shows
+    messages: list[bytes]  # (M,)
+
+
+class _Columns(NamedTuple):
+    """Where a message has an attitude or a position."""
+
+    names: tuple[str, ...]
+    factors: tuple[float, ...]  # to radians, degrees of position, meters
+
+
+def _same(names: tuple[str, ...], factor: float = 1.0) -> _Columns:
+    return _Columns(names, (factor,) * len(names))
+
+
+ANGLES = {
+    "dataflash.ATT": _same(("Roll", "Pitch", "Yaw"), DEG),
+    "mavlink.ATTITUDE": _same(("roll", "pitch", "yaw")),
+}
+QUATERNIONS = {"ulog.vehicle_attitude": _same(("q[0]", "q[1]", "q[2]", "q[3]"))}
+PLACES = {
+    "dataflash.GPS": (_Columns(("Lat", "Lng", "Alt"), (1e-7, 1e-7, 1e-2)),),
+    "mavlink.GPS_RAW_INT": (_Columns(("lat", "lon", "alt"), (1e-7, 1e-7, 1e-3)),),
+    "ulog.sensor_gps": (
+        _same(("latitude_deg", "longitude_deg", "altitude_msl_m")),
+        _Columns(("lat", "lon", "alt"), (1e-7, 1e-7, 1e-3)),
+    ),
+    "ulog.vehicle_gps_position": (
+        _same(("latitude_deg", "longitude_deg", "altitude_msl_m")),
+        _Columns(("lat", "lon", "alt"), (1e-7, 1e-7, 1e-3)),
+    ),
+}
+
+
+def viewer_messages(
+    schema: str, rows: Rows, unix_ns: NDArray[np.int64]
+) -> Iterator[ViewerMessages]:
+    """The attitude as ``/tf`` and ``/pose``, the position as ``/location``.
+
+    Args:
+        schema: of the rows, such as ``dataflash.ATT``.
+        rows: (N,) structured, as stored.
+        unix_ns: (N,) their times.
+    """
+    if schema in ANGLES:
+        angles = _values(rows, ANGLES[schema])
+        good = np.flatnonzero(np.isfinite(angles).all(axis=1))
+        yield from _attitudes(good, unix_ns[good], from_euler(angles[good]))
+    elif schema in QUATERNIONS:
+        q_nb = _values(rows, QUATERNIONS[schema])
+        good = np.flatnonzero(are_units(q_nb))
+        yield from _attitudes(good, unix_ns[good], q_nb[good])
+    for columns in PLACES.get(schema, ()):
+        if set(columns.names) <= set(rows.dtype.names or ()):
+            places = _values(rows, columns)
+            has_fix = np.isfinite(places).all(axis=1) & places[:, :2].any(axis=1)
+            yield _locations(np.flatnonzero(has_fix), unix_ns[has_fix], places[has_fix])
+            return
+
+
+def _values(rows: Rows, columns: _Columns) -> Array:
+    """(N, k) columns in SI units; NaN where the message lacks one."""
+    found = np.full((len(rows), len(columns.names)), np.nan)
+    for place, (name, factor) in enumerate(zip(columns.names, columns.factors, strict=True)):
+        if name in (rows.dtype.names or ()):
+            found[:, place] = rows[name] * factor
+    return found
+
+
+def _attitudes(
+    rows: NDArray[np.int64], unix_ns: NDArray[np.int64], q_nb: Array
+) -> Iterator[ViewerMessages]:
+    attitudes = AttitudeMessages()
+    encoders: dict[str, Callable[..., bytes]] = {
+        "/tf": attitudes.transform,
+        "/pose": attitudes.pose,
+    }
+    times, rotations = unix_ns.tolist(), q_nb.tolist()
+    for topic, encode in encoders.items():
+        yield ViewerMessages(topic, rows, list(map(encode, times, rotations)))
+
+
+def _locations(
+    rows: NDArray[np.int64], unix_ns: NDArray[np.int64], places: Array
+) -> ViewerMessages:
+    messages = []
+    for at_ns, (latitude, longitude, altitude) in zip(
+        unix_ns.tolist(), places.tolist(), strict=True
+    ):
+        fix = LocationFix(latitude=latitude, longitude=longitude, altitude=altitude)
+        fix.timestamp.seconds, fix.timestamp.nanos = divmod(at_ns, NS_PER_S)
+        messages.append(fix.SerializeToString())
+    return ViewerMessages(LOCATION_TOPIC, rows, messages)
