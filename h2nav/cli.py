@@ -138,6 +138,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
             "the service on recorded flights, next to the autopilot's estimators",
             "evaluate flights recordings --plots pictures",
         ),
+        ("evaluate", "campaign"): CommandEntry(
+            "evaluate_campaign",
+            "the service on a thousand simulated flights drawn from a distribution",
+            "evaluate campaign --flights 1000 -o campaign --plots pictures",
+        ),
         ("evaluate", "observer"): CommandEntry(
             "evaluate_observer", "convergence of the twist observer", "evaluate observer --json"
         ),

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TypeVar
 
 from tqdm import tqdm
@@ -32,3 +32,24 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterat
             for result in pool.map(function, tasks):
                 yield result
                 bar.update()
+
+
+def finished(
+    function: Callable[[Task], Result], tasks: Sequence[Task], workers: int
+) -> Iterator[Result]:
+    """Yields the results as they come, so that an interrupted run keeps those it has.
+
+    Args:
+        function: at module level, for other processes.
+        tasks: its arguments.
+        workers: processes; 1 = this one.
+    """
+    if workers == 1:
+        yield from map(function, tasks)
+        return
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        try:
+            for future in as_completed([pool.submit(function, task) for task in tasks]):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)

@@ -79,7 +79,11 @@ def test_every_key_has_its_default_and_what_its_record_says_of_it():
     assert all(key.startswith("odometry.") and "_per_" in key for key in undescribed)
 
 
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(CONFIGS.glob("*.yaml")) if path.stem != "campaign"],
+    ids=lambda path: path.stem,
+)
 def test_the_examples_name_it_and_satisfy_it(path):
     text = path.read_text()
     assert text.startswith("# yaml-language-server: $schema=schema.json\n")

@@ -1,0 +1,1 @@
+"""The space of flights as the test: flights drawn from a distribution, flown and scored."""

@@ -1,0 +1,142 @@
+"""Scores a drawn flight: errors, honesty, false accusations, and what became of each fault."""
+
+from array import array
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from h2nav.evaluation.campaign import blame
+from h2nav.evaluation.campaign.blame import Told
+from h2nav.evaluation.campaign.draw import Draw, as_text
+from h2nav.evaluation.campaign.flight import BOOT_US, DrawnFlight
+from h2nav.evaluation.campaign.shown import ShownBySensors, shown
+from h2nav.integrity.findings import Finding
+from h2nav.maths.attitude_errors import errors, honesty
+from h2nav.maths.rows import Array
+
+WRONG_HEADING_DEG, WRONG_TILT_DEG = 10.0, 3.0
+PERCENTILES = (50.0, 95.0, 99.0, 100.0)
+SETTLED_S, HONEST_FROM_S = 30.0, 120.0
+HOUR_S = 3600.0
+
+
+class HeardDraw(NamedTuple):
+    """What the service made of a flight."""
+
+    t_us: "array[int]"  # the autopilot's time of each estimate
+    rows: "array[float]"  # q_nb and deviations of tilt and heading (deg) of each, six numbers
+    findings: Sequence[Finding]
+    told_s: Mapping[str, float]  # id of a finding -> when it was first reported
+    handler_errors: int  # exceptions in the service
+    cpu_s: float  # of service and simulation
+
+
+def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
+    """The figures of a flight."""
+    draw, sensors = flight.draw, shown(flight)
+    if not heard.t_us:
+        return _head(draw, heard) | {"estimated_share": 0.0}
+    t_s = 1e-6 * (np.array(heard.t_us) - BOOT_US)
+    rows = np.array(heard.rows).reshape(-1, 6)
+    # An attitude is that of its time stamp, however old the values.
+    truth = flight.motion.at(t_s).q_nb
+    _, heading, tilt = errors(rows[:, :4], truth, np.ones(len(t_s), np.bool_), True)
+    settled = t_s > SETTLED_S
+    wrong = [_wrong(t_s, heading, WRONG_HEADING_DEG), _wrong(t_s, tilt, WRONG_TILT_DEG)]
+    every = [
+        Told(heard.told_s.get(finding.id, finding.from_s), finding)
+        for finding in heard.findings
+        if blame.is_worth(finding)
+    ]
+    size = int(draw.length_s)
+    calm = blame.second_mask(draw.scheduled, size)
+    return {
+        **_head(draw, heard),
+        "estimated_share": len(np.unique(t_s.astype(np.int64))) / size,
+        "heading_deg": _percentiles(np.abs(heading[settled])),
+        "tilt_deg": _percentiles(tilt[settled]),
+        **_longest(t_s, heading, tilt, sensors),
+        **_honesty(t_s, heading, tilt, rows, calm),
+        "calm_h": float(calm.sum()) / HOUR_S,
+        **_false(every, flight, sensors, lambda a, b: any(_within(w, a, b) for w in wrong)),
+        "faults": [blame.fault_row(one, every, draw.scheduled) for one in draw.scheduled],
+    }
+
+
+def _head(draw: Draw, heard: HeardDraw) -> dict[str, Any]:
+    return {
+        "seed": draw.seed,
+        "vehicle": draw.flight.vehicle,
+        "length_s": draw.length_s,
+        "imus": draw.imu.count,
+        "rate_hz": draw.imu.rate_hz,
+        "draw": as_text(draw),
+        "cpu_s": round(heard.cpu_s, 2),
+        "handler_errors": heard.handler_errors,
+    }
+
+
+def _percentiles(values: Array) -> dict[str, float | None]:
+    """By name: p50 to p100; None without a value."""
+    if not len(values):
+        return {f"p{p:g}": None for p in PERCENTILES}
+    return {f"p{p:g}": round(float(np.percentile(values, p)), 3) for p in PERCENTILES}
+
+
+def _longest(t_s: Array, heading: Array, tilt: Array, sensors: ShownBySensors) -> dict[str, Any]:
+    """The longest times in which the attitude is wrong and something truthful shows better."""
+    second = np.clip(t_s.astype(np.int64), 0, len(sensors.heading) - 1)
+    found: dict[str, Any] = {}
+    for name, error, limit_deg, seen in (
+        ("heading", heading, WRONG_HEADING_DEG, sensors.heading),
+        ("tilt", tilt, WRONG_TILT_DEG, sensors.tilt),
+    ):
+        bad = (np.abs(error) > limit_deg) & seen[second] & (t_s > SETTLED_S)
+        length_s, at_s = longest_run(t_s, bad)
+        found[f"{name}_wrong_s"], found[f"{name}_wrong_at_s"] = round(length_s, 1), round(at_s, 1)
+        found[f"{name}_shown_share"] = round(float(seen.mean()), 3)
+    return found
+
+
+def longest_run(t_s: Array, bad: NDArray[np.bool_]) -> tuple[float, float]:
+    """Length and beginning, s, of the longest run of bad rows; zeros without one."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], bad.astype(np.int8), [0]))))
+    starts, ends = edges[::2], edges[1::2] - 1
+    if not len(starts):
+        return 0.0, 0.0
+    lengths = t_s[ends] - t_s[starts]
+    longest = int(np.argmax(lengths))
+    return float(lengths[longest]), float(t_s[starts[longest]])
+
+
+def _honesty(
+    t_s: Array, heading: Array, tilt: Array, rows: Array, calm: NDArray[np.bool_]
+) -> dict[str, float | None]:
+    """NEES and shares beyond three deviations, after two minutes, where no fault acts."""
+    second = np.clip(t_s.astype(np.int64), 0, len(calm) - 1)
+    used = (t_s > HONEST_FROM_S) & calm[second]
+    return honesty("tilt", tilt[used], rows[used, 4]) | honesty(
+        "heading", heading[used], rows[used, 5]
+    )
+
+
+def _wrong(t_s: Array, error: Array, limit_deg: float) -> Array:
+    """Times at which an error is beyond its limit."""
+    return t_s[np.abs(error) > limit_deg]
+
+
+def _within(times: Array, from_s: float, to_s: float) -> bool:
+    begin, end = np.searchsorted(times, (from_s - 2.0, to_s + 2.0))
+    return bool(end > begin)
+
+
+def _false(
+    every: Sequence[Told], flight: DrawnFlight, sensors: ShownBySensors, is_wrong_at: Any
+) -> dict[str, Any]:
+    accused = blame.false_reports(every, flight, sensors, is_wrong_at)
+    return {
+        "false_accusations": [told.row() for told in accused.accusations],
+        "false_alarms": [told.row() for told in accused.alarms],
+    }
