@@ -1,6 +1,7 @@
 """`h2nav review`: explains what went wrong in a flight, one page per flight."""
 
 import argparse
+import json
 import sys
 import webbrowser
 from pathlib import Path
@@ -22,8 +23,9 @@ autopilots' own logs: ArduPilot's dataflash (.bin, .log) and PX4's ULog (.ulg). 
 file decides its kind.
 
 Each flight becomes DIR/FLIGHT.html, one self-contained page, and DIR/FLIGHT.json with every figure
-of it (docs/schema/review.json describes it). A file that cannot be reviewed is named, and the
-others are reviewed.
+of it (docs/schema/review.json describes it). If the page of another recording of the same stem is
+there, such as that of FLIGHT.bin, it is DIR/FLIGHT_tlog.html. A file that cannot be reviewed is
+named, and the others are reviewed.
 
 exit status: 0 where nothing serious was found, 3 where something was (--fail-on says from which
 severity on), 2 where a file cannot be reviewed, 1 where a page cannot be written."""
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(
             f"{args.output}: {error.strerror}; name a folder that can be written with -o"
         ) from error
-    names = page_names(args.flights)
+    names = page_names(args.flights, args.output)
     done: list[dict[str, Any]] = []
     errors: list[str] = []
     for path, name in zip(args.flights, names, strict=True):
@@ -98,18 +100,34 @@ def _is_serious(document: dict[str, Any], word: str) -> bool:
     return any(severity is not None and severity <= limit for severity in found)
 
 
-def page_names(flights: list[Path]) -> list[str]:
-    """A unique name for each flight's files: without its suffix, or with it if two are alike."""
+def page_names(flights: list[Path], folder: Path) -> list[str]:
+    """A unique name for each flight's files: its stem, or with its ending if two are alike.
+
+    Args:
+        folder: where the files go; what another recording of the same stem left there counts too.
+    """
     stems = [flight.stem for flight in flights]
     names: list[str] = []
     for flight in flights:
-        name = flight.stem if stems.count(flight.stem) == 1 else flight.name.replace(".", "_")
+        is_alone = stems.count(flight.stem) == 1 and not _is_of_another(flight, folder)
+        name = flight.stem if is_alone else flight.name.replace(".", "_")
         number = 1
         while name in names:
             number += 1
             name = f"{flight.name.replace('.', '_')}-{number}"
         names.append(name)
     return names
+
+
+def _is_of_another(flight: Path, folder: Path) -> bool:
+    """Whether the document of this stem in the folder is of a recording of another name."""
+    from h2nav.apps.reviewing import readable
+
+    try:
+        found = json.loads((folder / f"{flight.stem}.json").read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(found, dict) and found.get("file", flight.name) != readable(flight.name)
 
 
 def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> dict[str, Any]:

@@ -187,8 +187,8 @@ def _flight(
     estimates = collector.estimates()
     reason = "" if service is None else service.health.reason
     return Flight(
-        name=_readable(source.path.stem),
-        file=_readable(source.path.name),
+        name=readable(source.path.stem),
+        file=readable(source.path.name),
         kind=source.kind,
         autopilot="" if service is None else service.bound_to,
         context=context,
@@ -207,7 +207,7 @@ def _flight(
     )
 
 
-def _readable(name: str) -> str:
+def readable(name: str) -> str:
     """A file name as text; on Linux it may be any bytes."""
     return name.encode(errors="surrogateescape").decode(errors="replace")
 

@@ -341,7 +341,7 @@ def imus_of(
         to_body: turns (N, 3) vectors of the sensors' axes into the body's.
     """
     tracks, readings = [], []
-    for imu, source, every, averaged_us, device_ids in found:
+    for imu, source, every, averaged_us, device_ids, is_timed in found:
         good = usable(every)
         log.note(f"values of IMU {imu + 1} that cannot be", int((~good).sum()))
         good[good] = in_order(every.t_us[good])
@@ -351,8 +351,8 @@ def imus_of(
         samples = Samples(samples.t_us, to_body(samples.w_b), to_body(samples.f_b))
         own = compasses.get(imu)
         track = track_of(imu, source, log.since_start(samples.t_us), samples, own)
-        tracks.append(track._replace(device_ids=device_ids))
-        if samples.rate_hz >= LEAST_HZ:
+        tracks.append(track._replace(device_ids=device_ids, is_timed=is_timed))
+        if is_timed and samples.rate_hz >= LEAST_HZ:
             lent = own if own is not None else compasses.get(0)
             # A mean over the time before its stamp is as old as half of that.
             age_s = None if averaged_us is None else 0.5e-6 * float(np.median(averaged_us[good]))
@@ -419,7 +419,8 @@ def vehicle_name(vehicle_type: int) -> str:
 
 def has_enough_samples(context: Context) -> bool:
     """Whether the recording has enough samples for an attitude."""
-    return max(map(imu_rate_hz, context.imus), default=0.0) >= LEAST_HZ
+    timed = (track for track in context.imus if track.is_timed)
+    return max(map(imu_rate_hz, timed), default=0.0) >= LEAST_HZ
 
 
 def imu_rate_hz(track: ImuTrack) -> float:
@@ -436,6 +437,8 @@ def what_sensors_lack(context: Context) -> tuple[str, ...]:
         "no IMU samples": not context.imus,
         f"IMU samples only {max(rates_hz, default=0.0):.0f} times a second": bool(rates_hz)
         and max(rates_hz) < LEAST_HZ,
+        "IMU samples without times of their own": bool(context.imus)
+        and not any(track.is_timed for track in context.imus),
         "no compass": not any(np.isfinite(track.m_b_ut[:, 0]).any() for track in context.imus),
         "no GPS fix": not fixes,
         "no GPS velocity": bool(fixes) and no_velocity,

@@ -50,6 +50,9 @@ class ImuTrack(NamedTuple):
     m_b_ut: Array
     # of accelerometer and gyro, as in the parameters; 0 if unknown
     device_ids: tuple[int, int] = (0, 0)
+    # False: old logs without times, which follow from the places in the file; nothing can be said
+    # of gaps, and an attitude of our own would be too uncertain
+    is_timed: bool = True
 
 
 class CompassTrack(NamedTuple):

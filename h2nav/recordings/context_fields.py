@@ -6,10 +6,11 @@ Nothing here knows a format: what a log has comes through `h2nav.recordings.colu
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.recordings.columns import Format, RowFinder, read
-from h2nav.recordings.context import Context, GpsTrack, HeightTrack, Motors, OutputBank, Series
+from h2nav.recordings.context import Context, GpsTrack, HeightTrack, Motors, OutputBank
 from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.motor_outputs import (
     MULTIROTORS,
@@ -40,8 +41,7 @@ def table_fields(
     """
     values, origins = read(log, format_, FIELDS)
     is_px4 = kind[0] == mavlink.MAV_AUTOPILOT_PX4
-    outputs, shares = values["outputs"], values.pop("motor_shares")
-    values["motors"] = _motors(outputs, shares, parameters, kind)
+    values["motors"] = _motors(values, parameters, kind)
     pilot = values.pop("pilot")
     values["sticks"] = (
         pilot[0] if pilot else sticks_of(values["channels_us"], parameters, is_px4=is_px4)
@@ -58,29 +58,34 @@ def table_fields(
     return {**known, "measured": measured, "origins": origins}
 
 
-FOLLOWS = {"motors": ("outputs", "motor_shares"), "sticks": ("channels_us", "pilot")}
+FOLLOWS = {
+    "motors": ("outputs", "motor_shares", "motor_widths_us"),
+    "sticks": ("channels_us", "pilot"),
+}
 """Fields that are made of others: the last of these that a log has is the origin."""
 
 
 def _motors(
-    outputs: tuple[OutputBank, ...],
-    shares: Series | None,
-    parameters: Mapping[str, float],
-    kind: tuple[int, int],
+    values: dict[str, Any], parameters: Mapping[str, float], kind: tuple[int, int]
 ) -> Motors | None:
     """The outputs to the motors of a multirotor, by function."""
     autopilot, vehicle_type = kind
+    outputs: tuple[OutputBank, ...] = values["outputs"]
+    shares, widths_us = values.pop("motor_shares"), values.pop("motor_widths_us")
+    if vehicle_type not in MULTIROTORS:
+        return None
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
-        if vehicle_type not in MULTIROTORS:
-            return None
         if shares is not None:
             return motors_by_share(shares)
         return px4_motors(outputs, parameters, vehicle_type)
+    ends_us = ardupilot_range(parameters)
+    if widths_us is not None:
+        used = np.flatnonzero(np.isfinite(widths_us.values).any(axis=0)).tolist()
+        return motors_of({i: i + 1 for i in used}, widths_us.t_s, widths_us.values, ends_us)
     if not outputs:
         return None
-    first = outputs[0]
-    channels = ardupilot_channels(parameters, vehicle_type, first.values)
-    return motors_of(channels, first.t_s, first.values, ardupilot_range(parameters))
+    channels = ardupilot_channels(parameters, vehicle_type, outputs[0].values)
+    return motors_of(channels, outputs[0].t_s, outputs[0].values, ends_us)
 
 
 def _height(track: GpsTrack) -> HeightTrack:

@@ -246,7 +246,10 @@ def recorded(tables: LogTables) -> Recorded:
         silent=log.silences(),
         **table,
     )
-    lacks = {"no version of the firmware": not firmware}
+    lacks = {
+        "no version of the firmware": not firmware,
+        "most rows have no time: theirs follows from their place in the file": not log.is_timed,
+    }
     return Recorded(
         completed(context, log, settings, _armed(log), lacks),
         mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
@@ -272,7 +275,8 @@ def _imu_rows(log: DataflashRows) -> Iterator[ImuRows]:
         if rows.number < MOST_IMUS:
             samples = Samples(rows.t_us, *(rows.table.numbers(*names) for names in axes))
             good = _healthy(log, rows, f"IMU {rows.number + 1}")
-            yield ImuRows(rows.number, "IMU", samples.only(good))
+            is_timed = log.times_of(rows.table) is not None
+            yield ImuRows(rows.number, "IMU", samples.only(good), is_timed=is_timed)
 
 
 def _healthy(log: DataflashRows, rows: Rows, name: str) -> Mask:
@@ -599,7 +603,8 @@ def _firmware(log: DataflashRows, said: tuple[Said, ...]) -> str:
     if rows is not None:
         return rows.table.texts("FWS")[0]
     names = tuple(name for kind in KINDS for name in kind.names)
-    return next((text.text for text in said if text.text.startswith(names)), "")
+    texts = (*(text.text for text in said), *log.preamble)
+    return next((text for text in texts if text.startswith(names)), "")
 
 
 def _kind_of(firmware: str, parameters: dict[str, float]) -> VehicleKind:

@@ -2,7 +2,10 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from h2nav.recordings.imu_series import Times
+from h2nav.recordings.log_clock import LogClock, is_running
 from h2nav.recordings.log_rows import MOST_INSTANCES, Log, Rows
 from h2nav.recordings.row_tables import Table
 from h2nav.wire.imu import MOST_IMUS
@@ -11,8 +14,21 @@ from h2nav.wire.imu import MOST_IMUS
 NUMBER = ("I", "C", "Instance", "Inst", "IMU")
 
 
+# What tells the time where no row has one since boot: message, column, unit in us, whether it is
+# the time since the row before. ArduCopter's main loop ran 100 times a second.
+SUBSTITUTES = (
+    ("GPS", "TimeMS", 1_000, False),
+    ("GPS", "Time", 1_000, False),
+    ("PM", "LTime", 1_000, True),
+    ("PM", "NLoop", 10_000, True),
+)
+MAX_INTERVAL = 1_000_000
+
+
 class DataflashRows(Log):
     """The messages of a dataflash log."""
+
+    is_timed: bool  # whether most rows have a time of their own
 
     @staticmethod
     def times_of(table: Table) -> Times | None:
@@ -23,11 +39,43 @@ class DataflashRows(Log):
             return table.integers("T") * 1000 if "T" in table else None
         return table.integers("TimeMS") * 1000 if "TimeMS" in table else None
 
+    def _clock(self) -> LogClock:
+        """That of the rows; until 2014 only GPS rows had a time, if any."""
+        clock = super()._clock()
+        if not clock.end_us:
+            clock = self._substitute()
+        named = (self.tables.find(name) for name in self.tables.names)
+        tables = [table for table in named if table is not None and len(table)]
+        untimed = [table for table in tables if self.times_of(table) is None]
+        self.is_timed = 2 * sum(map(len, untimed)) < sum(map(len, tables))
+        if self.is_timed or clock.end_us == clock.start_us:
+            return clock
+        ends = [int(table.places[place]) for table in tables for place in (0, -1)]
+        return clock.extended(min(ends), max(ends))
+
+    def _substitute(self) -> LogClock:
+        """The clock of a log without times since boot."""
+        for name, column, unit_us, is_interval in SUBSTITUTES:
+            table = self.tables.find(name, column)
+            if table is None:
+                continue
+            times = table.integers(column)
+            times = times.clip(0, MAX_INTERVAL).cumsum() if is_interval else times
+            times, places = times[times > 0] * unit_us, table.places[times > 0]
+            if len(times) > 1 and is_running(times):
+                return LogClock(places, times)
+        return LogClock(np.empty(0, np.int64), np.empty(0, np.int64))
+
     def find(self, name: str, *columns: str) -> Rows | None:
-        """All rows of a message; None if there are none with these columns."""
+        """All rows of a message; None if there are none with these columns.
+
+        Rows without a time get that of their place in the file.
+        """
         table = self.tables.find(name, *columns)
-        times = None if table is None else self.times_of(table)
-        return None if table is None or times is None else self.kept(name, table, times)
+        if table is None:
+            return None
+        times = self.times_of(table)
+        return self.kept(name, table, self.clock.between(table.places) if times is None else times)
 
     def occasional(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
         """Like `find`, for occasional messages, which until 2015 had no time.

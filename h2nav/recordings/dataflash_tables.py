@@ -29,9 +29,9 @@ HEAD_1, HEAD_2 = HEAD
 HEADER_BYTES = 3
 FMT_TYPE = 128
 FMT_BYTES = 89
-# Each binary log defines FMT itself first; in a text, that is the first line.
+# Each binary log defines FMT itself first; so does a text, behind lines of whoever downloaded it.
 FMT_OF_FMT = HEAD + bytes((FMT_TYPE, FMT_TYPE, FMT_BYTES)) + b"FMT\0"
-TEXT_START = re.compile(rb"\s*FMT, *\d+, *\d+, *\w+, *\w+,")
+TEXT_START = re.compile(rb"(?:[\t\r\n\x20-\xff]*\n)?\s*FMT, *\d+, *\d+, *\w+, *\w+,")
 # Format letter: numpy's type, divisor.
 FIELDS: dict[str, tuple[str, float | None]] = {
     "a": ("(32,)<i2", None),
@@ -64,6 +64,7 @@ WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 Progress = Callable[[int, int], None]
 
 PROBE_BYTES = 4096
+MAX_PREAMBLE = 64
 # Bytes that are followed together, or one by one where that fails.
 STRETCH, SINGLY = 1 << 20, 1 << 9
 # Of a log that is read piece by piece.
@@ -319,6 +320,7 @@ def _text_tables(data: bytes) -> LogTables:
     lines: dict[bytes, list[bytes]] = {}
     places: dict[bytes, array[int]] = {}
     place = 0
+    preamble: list[str] = []
     for line in data.splitlines(keepends=True):
         name, comma, values = line.strip().partition(b",")
         if name == b"FMT":
@@ -328,6 +330,8 @@ def _text_tables(data: bytes) -> LogTables:
         elif comma and name in formats:
             lines.setdefault(name, []).append(values)
             places.setdefault(name, array("q")).append(place)
+        elif name and not formats and len(preamble) < MAX_PREAMBLE:
+            preamble.append(line.strip().decode("utf-8", "replace"))
         elif name:
             notes["lines that are no record"] += 1
         place += len(line)
@@ -337,7 +341,8 @@ def _text_tables(data: bytes) -> LogTables:
         notes["lines that are no record"] += len(values_of) - len(table)
         if len(table):
             tables[formats[name].name] = table
-    return LogTables(tables, {reason: count for reason, count in notes.items() if count})
+    counted = {reason: count for reason, count in notes.items() if count}
+    return LogTables(tables, counted, tuple(preamble))
 
 
 def _text_format(values: bytes) -> RowFormat | None:

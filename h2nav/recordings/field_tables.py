@@ -190,6 +190,7 @@ SERIES = (
         dataflash=(
             series("ATT", "DesRoll", "DesPitch", "DesYaw", scale=DEG),
             series("ATT", "DesRoll", "DesPitch", "", scale=DEG),
+            series("ATT", "RollIn", "PitchIn", "NavYaw", scale=DEG),
         ),
         ulog=(
             series("vehicle_attitude_setpoint", *_axes("q_d", 4), form=angles_of),
@@ -235,7 +236,10 @@ SERIES = (
     Field(
         "height_m",
         "m",
-        dataflash=(series("CTUN", "Alt", largest=HIGHEST_M),),
+        dataflash=(
+            series("CTUN", "Alt", largest=HIGHEST_M),
+            series("INAV", "IAlt", largest=HIGHEST_M),
+        ),
         ulog=(series("vehicle_local_position", "z", scale=-1.0),),
         telemetry=(
             series("GLOBAL_POSITION_INT", "relative_alt", scale=MILLI),
@@ -251,14 +255,20 @@ SERIES = (
     Field(
         "climb_m_s",
         "m/s",
-        dataflash=(series("CTUN", "CRt", form=hundredths),),
+        dataflash=(
+            series("CTUN", "CRt", form=hundredths),
+            series("CTUN", "CRate", form=hundredths),
+        ),
         ulog=(series("vehicle_local_position", "vz", scale=-1.0),),
         telemetry=(series("VFR_HUD", "climb"),),
     ),
     Field(
         "baro_height_m",
         "m",
-        dataflash=(series("BARO", "Alt", largest=HIGHEST_M),),
+        dataflash=(
+            series("BARO", "Alt", largest=HIGHEST_M),
+            series("CTUN", "BarAlt", largest=HIGHEST_M),
+        ),
         ulog=(
             series("vehicle_air_data", "baro_alt_meter"),
             series("sensor_combined", "baro_alt_meter"),
@@ -323,6 +333,13 @@ SERIES = (
         "share of full",
         is_partial=True,
         ulog=(series("actuator_motors", *_axes("control", 12)),),
+    ),
+    Field(
+        "motor_widths_us",
+        "us",
+        is_partial=True,
+        # Until 2014: by number of the motor.
+        dataflash=(series("MOT", *_numbered("Mot{}", 8), may_lack=True, is_filled=True),),
     ),
     Field(
         "channels_us",
@@ -493,6 +510,7 @@ RECORDS = (
         dataflash=(
             (
                 _height("estimator", "CTUN", column("Alt"), column("CRt", form=hundredths)),
+                _height("estimator", "INAV", column("IAlt"), NO_CLIMB),
                 _height("EKF3", "XKF1", column("PD", scale=-1.0), column("VD", scale=-1.0)),
                 _height("EKF2", "NKF1", column("PD", scale=-1.0), column("VD", scale=-1.0)),
                 _height("barometer", "BARO", column("Alt"), column("CRt", may_lack=True)),

@@ -72,6 +72,7 @@ class ImuRows(NamedTuple):
     # (N,) averaging time of each; None if the log does not show the ages
     averaged_us: Array | None = None
     device_ids: tuple[int, int] = (0, 0)  # of accelerometer and gyro; 0 if unknown
+    is_timed: bool = True  # whether each has a time of its own
 
 
 class Readings(NamedTuple):

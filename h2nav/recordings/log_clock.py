@@ -13,6 +13,8 @@ Mask = NDArray[np.bool_]
 # Loggers buffer, and low-priority tasks write late: rows overtake each other by less than this.
 SLACK_US = 5_000_000
 NEIGHBOURS = 2
+# Times of rows without any are taken between rows this far apart.
+ANCHOR_US = 1_000_000
 MOST_AT_ONCE = 10
 LONGEST_PAUSE_US = 3_600_000_000
 # A week.
@@ -61,6 +63,44 @@ class LogClock:
         following = np.searchsorted(self._places, places).clip(max=len(self._t_us) - 1)
         times: Times = self._t_us[following]
         return times
+
+    def between(self, places: Times) -> Times:
+        """(N,) times of rows without any, by their places between those of rows that have one."""
+        if not len(self._t_us):
+            return np.zeros(len(places), np.int64)
+        anchors = _anchors(self._t_us)
+        times = np.interp(places, self._places[anchors], self._t_us[anchors] - self.start_us)
+        return np.asarray(self.start_us + np.round(times).astype(np.int64))
+
+    def extended(self, first: int, last: int) -> "LogClock":
+        """The clock of a file in which most rows have no time, from its first row to its last.
+
+        Before the first time and after the last one, the file grows as fast as in between.
+        """
+        bytes_per_us = (self._places[-1] - self._places[0]) / (self.end_us - self.start_us)
+        before_us = min((self._places[0] - first) / bytes_per_us, self.start_us)
+        after_us = (last - self._places[-1]) / bytes_per_us
+        # A time alone, far from all others, would count as damage.
+        before = np.arange(-int(before_us // ANCHOR_US), 0) * ANCHOR_US
+        after = np.append(np.arange(ANCHOR_US, after_us, ANCHOR_US), after_us)
+        places = (
+            self._places[0] + before * bytes_per_us,
+            self._places,
+            self._places[-1] + after * bytes_per_us,
+        )
+        t_us = (self.start_us + before, self._t_us, self.end_us + after)
+        return LogClock(*(np.concatenate(each).astype(np.int64) for each in (places, t_us)))
+
+
+def _anchors(t_us: Times) -> NDArray[np.intp]:
+    """Rows a second apart, and both ends of a pause: in between, bytes flow evenly.
+
+    Between more of them, the moments at which rows happened to be written would show as jitter.
+    """
+    kept = np.diff(t_us // ANCHOR_US, prepend=-1) > 0
+    pauses = np.flatnonzero(np.diff(t_us) > ANCHOR_US)
+    kept[pauses] = kept[pauses + 1] = kept[-1] = True
+    return np.flatnonzero(kept)
 
 
 def is_running(t_us: Times) -> bool:

@@ -48,6 +48,7 @@ class Log(ABC):
 
     def __init__(self, tables: LogTables) -> None:
         self.tables = tables
+        self.preamble = tables.preamble  # lines of text before the first definition
         self.notes = dict(tables.notes)  # what was damaged or skipped: reason -> count
         self.clock = self._clock()  # of the name with most rows that have a time
         self._kept: dict[str, Rows | None] = {}
@@ -81,7 +82,7 @@ class Log(ABC):
 
     def silences(self) -> tuple[Span, ...]:
         """While no row of any kind was written."""
-        named = (self._tables.find(name) for name in self._tables.names)
+        named = (self.tables.find(name) for name in self.tables.names)
         times = (self._times(table) for table in named if table is not None)
         t_us = [one for one in times if one is not None]
         if not t_us:

@@ -135,12 +135,19 @@ class LogTables:
     Args:
         sources: of the messages present; tables if they had to be created at once.
         notes: what was damaged or skipped: reason -> count.
+        preamble: lines of text before the first definition.
     """
 
-    def __init__(self, sources: Mapping[str, RowSource | Table], notes: dict[str, int]) -> None:
+    def __init__(
+        self,
+        sources: Mapping[str, RowSource | Table],
+        notes: dict[str, int],
+        preamble: tuple[str, ...] = (),
+    ) -> None:
         self._sources = sources
         self.names = frozenset(sources)  # of the messages present
         self.notes = notes  # reason -> count
+        self.preamble = preamble  # lines of text before the first definition
 
     def find(self, name: str, *columns: str) -> Table | None:
         """The table of a message; None if it is absent or lacks one of the columns."""

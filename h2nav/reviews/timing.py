@@ -91,7 +91,7 @@ def look_at_timing(
         armed: periods in which gaps matter.
         paused: periods without any record, see `pauses`.
     """
-    if len(track.t_s) < FEWEST:
+    if len(track.t_s) < FEWEST or not track.is_timed:
         return _empty(track), []
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     stamp_s, found = _without_jumps(imu, track, _stamps(track))

@@ -114,11 +114,25 @@ def test_a_recording_without_an_autopilot_says_why_there_is_no_estimate(tmp_path
     assert "heartbeats" in reviewed.why_no_estimate
 
 
-def test_flights_of_one_name_get_pages_of_their_own():
+def test_flights_of_one_name_get_pages_of_their_own(tmp_path):
     flights = [
         Path("a/flight.bin"),
         Path("b/flight.tlog"),
         Path("c/flight.tlog"),
         Path("other.ulg"),
     ]
-    assert page_names(flights) == ["flight_bin", "flight_tlog", "flight_tlog-2", "other"]
+    names = page_names(flights, tmp_path)
+    assert names == ["flight_bin", "flight_tlog", "flight_tlog-2", "other"]
+
+
+def test_a_page_is_written_over_by_its_own_flight_alone(flight, tmp_path):
+    assert main(["review", str(flight), "-o", str(tmp_path), "--no-smooth"]) == SUCCESS
+    other = tmp_path / f"{flight.stem}.bytes"
+    other.write_bytes(flight.read_bytes()[:1000])
+    for path, name in ((flight, flight.stem), (other, f"{flight.stem}_bytes")):
+        assert page_names([path], tmp_path) == [name]
+        assert main(["review", str(path), "-o", str(tmp_path), "--no-smooth"]) == SUCCESS
+        assert json.loads((tmp_path / f"{name}.json").read_bytes())["file"] == path.name
+    assert len(list(tmp_path.glob("*.json"))) == 2
+    (tmp_path / f"{flight.stem}.json").write_text("{ no document")
+    assert page_names([other], tmp_path) == [flight.stem]

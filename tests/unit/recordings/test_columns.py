@@ -8,6 +8,7 @@ import pytest
 from made_logs import START_US, DataflashWriter, ULogWriter
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.recordings.autopilot_log import has_enough_samples
 from h2nav.recordings.columns import Format, messages_of
 from h2nav.recordings.context import Context
 from h2nav.recordings.dataflash import open_dataflash
@@ -197,3 +198,48 @@ def test_fields_tell_where_they_come_from(tmp_path: Path):
     writer.add("CURR", "Qff", "TimeUS,Volt,Curr", TIMES, 12.0, 3.0)
     origins = dataflash(tmp_path, writer).origins
     assert (origins["batteries"], origins["current_a"]) == ("CURR", "CURR.Curr")
+
+
+# --- old logs in which only the GPS, or nothing, has a time ---------------------------------------
+
+
+def of_2013(tmp_path: Path, gps: str, letters: str) -> Context:
+    """Ten seconds of ATT and IMU at 50 Hz without times, upside down from 6 s on; GPS at 5 Hz."""
+    t_us = START_US + np.arange(0, 10_000_000, 20_000, dtype=np.int64)
+    writer = DataflashWriter()
+    fixes = t_us[::10]
+    values = (3,) if gps.startswith("Time") else (fixes // 1000, 3, 5, 1750)
+    writer.add("GPS", letters, gps, fixes, *values)
+    roll = np.where(t_us < START_US + 6_000_000, 0.0, 180.0)
+    columns = "RollIn,Roll,PitchIn,Pitch,YawIn,Yaw,NavYaw"
+    writer.add("ATT", "cccccCC", columns, t_us, 0, roll, 0, 0, 0, 90, 90)
+    columns = "GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+    writer.add("IMU", "ffffff", columns, t_us, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
+    writer.add("MOT", "hh", "Mot1,Mot2", t_us, 1500, 1600)
+    return dataflash(tmp_path, writer)
+
+
+@pytest.mark.parametrize(
+    ("gps", "letters"), [("T,Status,TimeMS,Week", "IBIH"), ("Time,Status", "II")]
+)
+def test_rows_without_a_time_get_that_of_their_place(tmp_path: Path, gps: str, letters: str):
+    context = of_2013(tmp_path, gps, letters)
+    (track,) = context.attitudes
+    assert context.duration_s == pytest.approx(10.0, abs=0.3)
+    over = np.linalg.norm(track.q_nb[:, 1:3], axis=1) > 0.9
+    assert track.t_s[over.argmax()] == pytest.approx(6.0, abs=0.05)
+    assert np.ptp(np.diff(track.t_s)) < 0.02
+    assert context.demand is not None
+    assert context.demand.values[0] == pytest.approx([0.0, 0.0, np.pi / 2])
+    assert [imu.is_timed for imu in context.imus] == [False]
+    assert not has_enough_samples(context)
+    assert any("place in the file" in phrase for phrase in context.missing)
+
+
+def test_where_no_row_has_a_time_the_loops_count(tmp_path: Path):
+    t_us = START_US + np.arange(0, 60_000_000, 100_000, dtype=np.int64)
+    writer = DataflashWriter()
+    writer.add("ATT", "ccC", "Roll,Pitch,Yaw", t_us, 100, 200, 300)
+    writer.add("PM", "HH", "NLon,NLoop", t_us[::100], 1, 1000)
+    (track,) = dataflash(tmp_path, writer).attitudes
+    assert np.ptp(track.t_s) == pytest.approx(60.0, rel=0.1)

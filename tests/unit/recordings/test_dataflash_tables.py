@@ -187,6 +187,25 @@ BROKEN
     assert found.notes == {"lines that are no record": 3}
 
 
+def test_lines_before_the_first_definition_are_those_of_who_downloaded_it(tmp_path: Path) -> None:
+    text = b"""
+ Log 7
+ArduCopter V3.0.1 (0a1b2c3d)
+Free RAM: 1331
+APM 2
+FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format
+FMT, 1, 17, ATT, cccccCC, RollIn,Roll,PitchIn,Pitch,YawIn,Yaw,NavYaw
+ATT, 0.00, -1.25, 0.00, 2.5, 0.00, 359.9, 0.00
+"""
+    assert is_dataflash(text)
+    found = read(tmp_path, text)
+    assert found.rows("ATT") == 1
+    assert found.preamble[1] == "ArduCopter V3.0.1 (0a1b2c3d)"
+    assert found.notes == {}
+    # Bytes of another kind may hold the same line.
+    assert not is_dataflash(bytes(8) + text)
+
+
 def test_a_log_is_known_by_its_content() -> None:
     data = writer(1).bytes()
     assert is_dataflash(data[:4096])
