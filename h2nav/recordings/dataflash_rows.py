@@ -22,7 +22,7 @@ SUBSTITUTES = (
     ("PM", "LTime", 1_000, True),
     ("PM", "NLoop", 10_000, True),
 )
-MAX_INTERVAL = 1_000_000
+MAX_INTERVAL, MAX_TIME = 1_000_000, 1 << 32
 
 
 class DataflashRows(Log):
@@ -59,8 +59,8 @@ class DataflashRows(Log):
             table = self.tables.find(name, column)
             if table is None:
                 continue
-            times = table.integers(column)
-            times = times.clip(0, MAX_INTERVAL).cumsum() if is_interval else times
+            times = table.integers(column).clip(0, MAX_INTERVAL if is_interval else MAX_TIME)
+            times = times.cumsum() if is_interval else times
             times, places = times[times > 0] * unit_us, table.places[times > 0]
             if len(times) > 1 and is_running(times):
                 return LogClock(places, times)

@@ -78,8 +78,8 @@ class LogClock:
         Before the first time and after the last one, the file grows as fast as in between.
         """
         bytes_per_us = (self._places[-1] - self._places[0]) / (self.end_us - self.start_us)
-        before_us = min((self._places[0] - first) / bytes_per_us, self.start_us)
-        after_us = (last - self._places[-1]) / bytes_per_us
+        before_us = min((self._places[0] - first) / bytes_per_us, self.start_us, LONGEST_US)
+        after_us = min((last - self._places[-1]) / bytes_per_us, LONGEST_US)
         # A time alone, far from all others, would count as damage.
         before = np.arange(-int(before_us // ANCHOR_US), 0) * ANCHOR_US
         after = np.append(np.arange(ANCHOR_US, after_us, ANCHOR_US), after_us)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from made_logs import START_US, DataflashWriter, dataflash, made_flight, ulog
 from mcap.writer import CompressionType, Writer
 from needs import REPOSITORY
 
@@ -25,6 +26,8 @@ TLOG_BYTES = 30_000
 UNIX_NS = 1_795_260_679_000_000_000
 UPRIGHT: Quat = (1.0, 0.0, 0.0, 0.0)
 ATTACHMENT = 9
+TIMES = START_US + np.arange(0, 5_000_000, 100_000, dtype=np.int64)
+OLD_ATTITUDE = "RollIn,Roll,PitchIn,Pitch,YawIn,Yaw,NavYaw"
 
 
 class Reading(NamedTuple):
@@ -43,6 +46,42 @@ def texts(*patterns: str) -> list[bytes]:
 def tlog() -> list[bytes]:
     """The first seconds of a flight."""
     return [TLOG.read_bytes()[:TLOG_BYTES]]
+
+
+@functools.cache
+def dataflash_logs() -> list[bytes]:
+    """Of today, of 2015, and of 2013, when only GPS rows had a time."""
+    flight = made_flight(duration_s=2.0, rate_hz=50.0)
+    untimed = DataflashWriter()
+    untimed.add("GPS", "BIHI", "Status,TimeMS,Week,T", TIMES, 3, 5, 1750, TIMES // 1000)
+    untimed.add("ATT", "cccccCC", OLD_ATTITUDE, TIMES, 0, 1, 0, 2, 0, 90, 90)
+    untimed.add("IMU", "ffffff", "GyrX,GyrY,GyrZ,AccX,AccY,AccZ", TIMES, 0, 0, 0, 0, 0, -9.8)
+    return [dataflash(flight), dataflash(flight, old=True), untimed.bytes()]
+
+
+@functools.cache
+def dataflash_texts() -> list[bytes]:
+    """What a ground station downloads: lines of its own, then the log."""
+    head = b"ArduCopter V3.0.1 (0a1b2c3d)\nFree RAM: 1331\n"
+    formats = (
+        b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\n"
+        b"FMT, 130, 45, GPS, BIHBcLLeeEefI, "
+        b"Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,VZ,T\n"
+        b"FMT, 1, 17, ATT, cccccCC, " + OLD_ATTITUDE.encode() + b"\n"
+    )
+    rows = b"".join(
+        b"GPS, 3, %d, 1750, 7, 2.1, 47.1, 8.1, 1, 400, .5, 90, 0, %d\nATT, 0, 1.5, 0, 2, 0, 9, 9\n"
+        % (i, i)
+        for i in range(0, 20_000, 200)
+    )
+    return [head + formats + rows]
+
+
+@functools.cache
+def ulogs() -> list[bytes]:
+    """Of today, and of 2017."""
+    flight = made_flight(duration_s=2.0, rate_hz=50.0, imus=1, rates_s=0.0, field_s=0.0)
+    return [ulog(flight), ulog(flight, old=True)]
 
 
 @functools.cache

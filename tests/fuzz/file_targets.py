@@ -24,6 +24,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, NoReturn
 
+import numpy as np
 import yaml
 
 from fuzz import file_seeds
@@ -37,6 +38,9 @@ from h2nav.attitude.gains.envelope import GainFile, parse_gain_file
 from h2nav.attitude.gains.seal import check_seal, seal
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.files.plain_yaml import parse_bytes
+from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.opening import open_flight
+from h2nav.recordings.telemetry import read_context
 from h2nav.synthesis.velocity_aided import checked_model
 
 LONGEST_S = 1.0
@@ -251,7 +255,34 @@ _small_gains = functools.partial(
 )
 _mend = file_seeds.with_attachment_sums
 
+
+def _imported(data: bytes, folder: Path) -> None:
+    """An autopilot's own log, or telemetry: its context and its events, in order."""
+    path = folder / "log"
+    path.write_bytes(data)
+    with contextlib.suppress(BadInput):
+        source = open_flight(path)
+        if not isinstance(source, ImportedLog):
+            read_context(source)
+            return
+        before_ns = 0
+        for envelope, _ in source.events():
+            assert envelope.t_ns >= before_ns, "time goes backwards"
+            before_ns = envelope.t_ns
+        for track in source.context().attitudes:
+            assert np.isfinite(track.q_nb).all(), "an attitude that is no number"
+
+
+LOG_WORDS = (
+    b"\xa3\x95", b"\xa3\x95\x80", b"FMT, 1, 9, A, Q, B\n", b"TimeUS", b"TimeMS", b"QQQQ", b"aaaa",
+    b"\xff\xff\xff\xff\xff\xff\xff\x7f", b"\0\0\xc0\x7f", b"nan", b"-inf", b"1e400", b"ULog",
+)  # fmt: skip
+
 TARGETS: dict[str, Target] = {
+    "dataflash": Target(file_seeds.dataflash_logs, _imported, LOG_WORDS),
+    "dataflash as text": Target(file_seeds.dataflash_texts, _imported, LOG_WORDS),
+    "ulog": Target(file_seeds.ulogs, _imported, LOG_WORDS),
+    "telemetry": Target(file_seeds.tlog, _imported),
     "configuration": Target(
         functools.partial(file_seeds.texts, "configs/*.yaml"),
         _command("config.yaml", "check-config", "FILE", "--json"),
