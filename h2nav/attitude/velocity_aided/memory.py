@@ -55,6 +55,12 @@ class State:
     p_zz: float = real("(rad/s)^2", "variance of the bias z")
     p_zh: float = real("rad^2/s", "covariance of the bias z and the heading")
     heading_variance: float = real("rad^2", "variance of the heading")
+    bias_moved: list[float] = reals(3, "rad/s", "corrections of the gyro bias of late, summed")
+    bias_trend: list[float] = reals(3, "rad/s", "the same, low-passed")
+    bias_expected: list[float] = reals(
+        3, "(rad/s)^2", "variance of that sum if the bias walks as usual"
+    )
+    bias_walk: list[float] = reals(3, "rad^2/s^3", "walk of the gyro bias beyond the usual")
     turning: float = real("(rad/s)^2", "mean square of the angular rate")
     innovation_power: float = real("s^2", "mean square of the velocity innovation")
     innovation_mean_n: float = real("s", "slow mean of the velocity innovation, north")

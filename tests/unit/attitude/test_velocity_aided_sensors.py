@@ -21,6 +21,7 @@ from velocity_flights import (
 )
 
 from h2nav.attitude.samples import ImuSample, SensorDoubt, Trust, Vec3, VehicleState
+from h2nav.attitude.velocity_aided.kernel.theta import MOST_WALK
 from h2nav.maths import quaternion
 
 FORCE_BIAS = (0.3, -0.3)
@@ -73,6 +74,45 @@ def test_a_step_of_the_gyro_bias_is_not_taken_for_the_accelerometers() -> None:
     for first in range(0, 9000, 500):
         follow(filter_, part(drive, first, first + 500))
         assert max(map(abs, filter_.sensor_errors.force_bias_b)) < 0.05
+
+
+# 0.3 deg/s per minute: MEMS gyros warm up by 0.05 to 0.5.
+WARM_UP_RAD_S2 = 0.3 * DEG / 60.0
+
+
+def with_warm_up(drive: Drive, from_s: float) -> Drive:
+    """The same flight with a gyro whose bias moves from a time on."""
+
+    def change(i: int, sample: ImuSample) -> ImuSample:
+        drift = WARM_UP_RAD_S2 * max(0.01 * i - from_s, 0.0)
+        x, y, z = sample.w_b
+        return sample._replace(w_b=(x + drift, y + drift, z + drift))
+
+    return with_samples(drive, change)
+
+
+def test_a_bias_that_moves_is_followed() -> None:
+    drive = with_warm_up(accelerating(200.0, 24, law=turning), 60.0)
+    filter_ = new_filter(knows_field=True)
+    found = follow(filter_, drive)[-1]
+    assert found is not None
+    drifted = WARM_UP_RAD_S2 * 140.0
+    lags = [b + drifted - e for b, e in zip(drive.flight.bias_b, found.bias_b, strict=True)]
+    # 0.14 to 0.19 deg/s with a constant walk.
+    assert max(map(abs, lags)) < 0.08 * DEG
+    usual = filter_.kernel_gains.bias_walk
+    assert all(usual < walk <= MOST_WALK for walk in filter_.kernel_state.bias_walk[:])
+
+
+def test_a_bias_that_rests_walks_as_usual() -> None:
+    filter_ = new_filter(knows_field=True)
+    walks = []
+    drive = accelerating(120.0, 24, law=turning)
+    for first in range(0, 12000, 500):
+        follow(filter_, part(drive, first, first + 500))
+        walks.append(max(filter_.kernel_state.bias_walk[:]))
+    # Even while a bias of 1 deg/s at the start is found.
+    assert sum(walks) / len(walks) < filter_.kernel_gains.bias_walk
 
 
 # --- latency ------------------------------------------------------------------------------------

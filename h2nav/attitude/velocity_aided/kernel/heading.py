@@ -18,7 +18,7 @@ from ..memory import (
 from .aiding import measure_all
 from .field_offset import LARGEST, correct_offset, is_doubted, offset_spread, open_offset
 from .prediction import forget_sensitivities, gyro_density, set_matrix
-from .theta import apply_theta, measure_theta, times_covariance
+from .theta import apply_theta, follow_bias, measure_theta, times_covariance
 
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 # A difference of fewer deviations may be the heading's error.
@@ -390,7 +390,11 @@ def measure_heading(
         w.dfix_lag = 0.0
         for i in range(3):
             w.doffset[i] = 0.0
+        xx = s.p_xx
+        yy = s.p_yy
+        zz = s.p_zz
         measure_all(s, w, w.jacobian, w.jacobian_accel, 0.0, innovation, noise, 0.0)
+        follow_bias(s, w, xx, yy, zz)
         if s.mag_ref_given > 0.0 and is_carried > 0.0:
             measure_level_field(s, w, age)
             doubt_offset(s, w, g)

@@ -213,6 +213,12 @@ def begin_bias(s: State, w: Workspace, g: Gains) -> None:
         s.p_accel_x[i] = 0.0
         s.p_accel_y[i] = 0.0
     begin_offset(s, w, g)
+    for i in range(3):
+        # Nothing shows yet how the biases move.
+        s.bias_moved[i] = 0.0
+        s.bias_trend[i] = 0.0
+        s.bias_expected[i] = 0.0
+        s.bias_walk[i] = 0.0
     level_sensitivities(s, w)
     s.fix_period_s = 1.0
     s.k_tilt = 0.0

@@ -8,6 +8,11 @@ import math
 from ..memory import SATURATED, Gains, State, Workspace
 from .prediction import turn
 
+SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of the innovation
+MOVING_TIME = 20.0  # s: the corrections of a bias that moves add up over this time
+# Fastest warm-up of a MEMS gyro, 0.5 deg/s per minute, over that time: (rad/s^2)^2 s.
+MOST_WALK = (0.5 / 60.0 * (math.pi / 180.0)) * (0.5 / 60.0 * (math.pi / 180.0)) * MOVING_TIME
+
 
 def predict_theta(s: State, w: Workspace, g: Gains, dt: float) -> None:
     """Propagates the covariance of theta and the sensitivities over one step.
@@ -39,11 +44,11 @@ def predict_theta(s: State, w: Workspace, g: Gains, dt: float) -> None:
     s.heading_variance = s.heading_variance + both + turn_noise
     walk = g.bias_walk * dt
     if p00 < g.bias_variance:
-        s.p_xx = p00 + walk
+        s.p_xx = p00 + walk + s.bias_walk[0] * dt
     if p11 < g.bias_variance:
-        s.p_yy = p11 + walk
+        s.p_yy = p11 + walk + s.bias_walk[1] * dt
     if p22 < g.bias_variance:
-        s.p_zz = p22 + walk
+        s.p_zz = p22 + walk + s.bias_walk[2] * dt
     # The heading error grows with the bias error; the sensitivities refer to its present value.
     v = s.dvelocity_n[3]
     s.dvelocity_n[0] = s.dvelocity_n[0] + dt * s.dtilt_n[0] + dx * v
@@ -138,6 +143,53 @@ def shrink(s: State, h0: float, h1: float, h2: float, h3: float, scale: float) -
     s.p_zz = s.p_zz - k * h2
     s.p_zh = s.p_zh - k * h3
     s.heading_variance = s.heading_variance - scale * h3 * h3
+
+
+def follow_bias(s: State, w: Workspace, before_x: float, before_y: float, before_z: float) -> None:
+    """Notes a correction of the bias, and how large it was expected to be.
+
+    Args:
+        s: state.
+        w: workspace.
+        before_x: variance of the bias x before the measurement.
+        before_y: the same of y.
+        before_z: the same of z.
+
+    Source: docs/filter.md Eq. (74).
+    """
+    for i in range(3):
+        s.bias_moved[i] = s.bias_moved[i] + w.dtheta[i]
+    s.bias_expected[0] = s.bias_expected[0] + before_x - s.p_xx
+    s.bias_expected[1] = s.bias_expected[1] + before_y - s.p_yy
+    s.bias_expected[2] = s.bias_expected[2] + before_z - s.p_zz
+
+
+def adapt_walk(s: State, period: float) -> None:
+    """Raises the walk of a bias whose corrections of late add up to more than expected.
+
+    Source: docs/filter.md Eq. (74).
+    """
+    keep = MOVING_TIME / (MOVING_TIME + period)
+    if s.age_s < SETTLED:
+        # What the start had wrong is corrected first.
+        keep = 0.0
+    for i in range(3):
+        moved = keep * s.bias_moved[i]
+        # What the raised walk has let in is no part of the usual.
+        expected = keep * keep * (s.bias_expected[i] - s.bias_walk[i] * period)
+        if expected < 0.0:
+            expected = 0.0
+        # A receiver's velocity that swings moves the bias to and fro, a warm-up one way.
+        trend = keep * s.bias_trend[i] + (1.0 - keep) * moved
+        walk = 2.0 * (trend * trend - expected) / MOVING_TIME
+        if walk < 0.0:
+            walk = 0.0
+        if walk > MOST_WALK:
+            walk = MOST_WALK
+        s.bias_moved[i] = moved
+        s.bias_trend[i] = trend
+        s.bias_expected[i] = expected
+        s.bias_walk[i] = walk
 
 
 def apply_theta(s: State, w: Workspace, north: float, east: float) -> None:

@@ -28,13 +28,12 @@ from .aiding import (
 )
 from .field_offset import correct_offset, forget_offset
 from .prediction import forget_velocity, gyro_density
-from .theta import apply_theta, measure_level, measure_theta
+from .theta import SETTLED, adapt_walk, apply_theta, follow_bias, measure_level, measure_theta
 from .tilt import raise_tilt_sigma, restart_tilt
 
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
 # rad, per fix rejected in a row: no tilt turns a force into more than 2 g of velocity.
 MOST_EXPLAINED = 2.0 / MOST_REJECTED
-SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of the innovation
 NEVER_S = 1e9  # since the last field where there was none: as long as a gain file may wait for one
 STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
 
@@ -181,6 +180,9 @@ def correct_by_fix(
     w.daccel[1] = 0.0
     w.dfix_lag = 0.0
     forget_offset(w)
+    xx = s.p_xx
+    yy = s.p_yy
+    zz = s.p_zz
     learns = 0.0
     # Until the gyro's biases and the tilt have settled, their errors would be taken for another's;
     # the noise of the force, integrated over the loop's time, counts as noise of the fixes here.
@@ -193,6 +195,8 @@ def correct_by_fix(
     predicted = w.predicted
     row_lag = s.dvelocity_lag[1] - sample.fix_accel_e
     measure_all(s, w, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
+    follow_bias(s, w, xx, yy, zz)
+    adapt_walk(s, s.fix_period_s)
     match_variance(s, g, north, east, predicted + w.predicted, s.fix_period_s)
     use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
     correct_accel(s, w, g)
