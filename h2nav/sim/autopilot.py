@@ -18,6 +18,7 @@ from h2nav.sim.commands import CommandServer
 from h2nav.sim.faults import Fault, FaultSchedule
 from h2nav.sim.imu_model import MPU_9250, ImuParameters
 from h2nav.sim.other_vehicle import OTHER_SYSTEM_ID, of_other_vehicle
+from h2nav.sim.own_time import OwnTime
 from h2nav.sim.parameters import ParameterServer
 from h2nav.sim.personalities import ARDUPILOT, Personality
 from h2nav.sim.scenarios import Scenario
@@ -68,6 +69,7 @@ class FakeAutopilot:
     def __init__(self, options: AutopilotOptions) -> None:
         self.options = options
         self.schedule = FaultSchedule(options.faults)
+        self._time = OwnTime(self.schedule)
         self._parameters = ParameterServer(
             options.personality.parameters | dict(options.parameters)
         )
@@ -104,7 +106,7 @@ class FakeAutopilot:
     @property
     def next_deadline_ns(self) -> int:
         """When `advance` returns the next message."""
-        return self._now_ns if self._outbox else self._next_event_ns()
+        return self._time.host_ns(self._now_ns if self._outbox else self._next_event_ns())
 
     @property
     def is_unpowered(self) -> bool:
@@ -119,7 +121,16 @@ class FakeAutopilot:
         """
         self._run_until(t_ns)
         sent, self._outbox = self._outbox, []
-        return sent
+        return [one._replace(t_ns=self._time.host_ns(one.t_ns)) for one in sent]
+
+    def seconds_at(self, t_ns: int) -> float:
+        """Seconds of its own time since the simulator started, the time of faults.
+
+        Args:
+            t_ns: host time, never earlier than in the call before.
+        """
+        self._run_until(t_ns)
+        return self.vehicle.t_s
 
     def begin(self, t_ns: int, fault: Fault) -> None:
         """Begins a fault now.
@@ -155,12 +166,13 @@ class FakeAutopilot:
         self.options = replace(self.options, scenario=scenario)
         self._reboot()
         self.streams.offer(_streams_of(self.options))
-        self.vehicle.depart(t_ns + REBOOT_SILENCE_NS, scenario)
+        self.vehicle.depart(self._now_ns + REBOOT_SILENCE_NS, scenario)
 
     def skip_to(self, t_ns: int) -> None:
         """Skips what was due before `t_ns`, for a process that was stopped."""
-        self.streams.skip_to(t_ns)
-        self._heartbeat_ns = max(self._heartbeat_ns, t_ns)
+        own_ns = self._time.at(t_ns)
+        self.streams.skip_to(own_ns)
+        self._heartbeat_ns = max(self._heartbeat_ns, own_ns)
 
     def on_message(self, t_ns: int, sysid: int, compid: int, msg_id: int, fields: Any) -> None:
         """Takes a message that arrived at host time `t_ns`; `advance` returns the answers.
@@ -184,7 +196,8 @@ class FakeAutopilot:
         if self._commands.take_reboot():
             self._reboot()
 
-    def _run_until(self, t_ns: int) -> None:
+    def _run_until(self, host_ns: int) -> None:
+        t_ns = self._time.at(host_ns)
         if not self._is_on:
             self._is_on = True
             self._now_ns = t_ns

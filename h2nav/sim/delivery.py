@@ -41,6 +41,8 @@ class Delivery:
         delay_ms = self._schedule.number("delay", t_s)
         if delay_ms is not None:
             due_ns += round(self._random.uniform(0.0, delay_ms) * 1e6)
+        for stall in self._schedule.acting("stall", t_s):
+            due_ns = max(due_ns, self._start_ns + round((stall.start_s + stall.length_s) * 1e9))
         # A line keeps its order; only a reordered frame lets others pass.
         due_ns = max(due_ns, self._not_before_ns)
         self._not_before_ns = due_ns

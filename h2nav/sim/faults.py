@@ -50,11 +50,18 @@ FAULT_KINDS: dict[str, FaultKind] = {
         "send this share of the frames up to 20 ms late, after their successors", 0.1, high=1.0
     ),
     "delay": FaultKind("hold frames back by up to this many milliseconds, in order", 50.0),
+    "stall": FaultKind("hold everything back for DURATION, then deliver it at once", "", ("",)),
     "garbage": FaultKind("this many random bytes before every frame", 64.0, high=65536.0),
+    "clock-rate": FaultKind(
+        "the autopilot's time, clock and world, runs this many times as fast",
+        0.9,
+        low=0.1,
+        high=10.0,
+    ),
     "stuck": _of_imu("a sensor axis repeats its value", "gyro-x", AXES),
     "imu-frozen": _of_imu("gyro, accelerometer and compass repeat their values"),
-    "gyro-frozen": _of_imu("the gyro repeats its values"),
-    "accel-frozen": _of_imu("the accelerometer repeats its values"),
+    "gyro-frozen": _of_imu("the gyro repeats its values, and counts as unhealthy"),
+    "accel-frozen": _of_imu("the accelerometer repeats its values, and counts as unhealthy"),
     "compass-frozen": _of_imu("the compass repeats its values"),
     "saturate": _of_imu("a sensor axis stands at the end of its range", "gyro-x", AXES),
     "nan": _of_imu("a sensor axis is not a number (HIGHRES_IMU; integers show 0)", "gyro-x", AXES),
@@ -72,6 +79,9 @@ FAULT_KINDS: dict[str, FaultKind] = {
     "no-mag": _of_imu("the magnetometer reads exactly zero"),
     "hard-iron": _of_imu("a magnet of this many microtesla along the nose", 30.0, low=-4000.0),
     "compass-reversed": _of_imu("the compass is mounted the wrong way round: the field negated"),
+    "compass-turned": _of_imu(
+        "the compass is turned by this many deg about the vertical", 90.0, low=-360.0, high=360.0
+    ),
     "mag-million": FaultKind(
         "HIGHRES_IMU's field is 10^6 too large (ArduPilot before 2026-02)", "", ("",)
     ),

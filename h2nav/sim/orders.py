@@ -120,7 +120,7 @@ class Orders:
                 raise BadInput(f"{text}: expected {text} [on [SECONDS] | off]; try help")
 
     def _begin(self, t_ns: int, text: str, length_s: float) -> str:
-        fault = parse_untimed_fault(text, self._autopilot.vehicle.seconds_at(t_ns), length_s)
+        fault = parse_untimed_fault(text, self._autopilot.seconds_at(t_ns), length_s)
         if fault.name == "clock-wrap":
             raise BadInput("clock-wrap: only from the start; use --fault clock-wrap@START")
         if fault.imu > self._autopilot.options.imus:
@@ -148,7 +148,7 @@ class Orders:
         return [one for one in self._acting(t_ns) if one.name == name and imu in ("", str(one.imu))]
 
     def _acting(self, t_ns: int) -> list[Fault]:
-        t_s = self._autopilot.vehicle.seconds_at(t_ns)
+        t_s = self._autopilot.seconds_at(t_ns)
         return [fault for fault in self._autopilot.schedule if fault.acts(t_s)]
 
     def _need_power(self) -> None:

@@ -18,6 +18,12 @@ def _scaled(v: Vec3, factor: float) -> Vec3:
     return (v[0] * factor, v[1] * factor, v[2] * factor)
 
 
+def _turned(v: Vec3, angle_rad: float) -> Vec3:
+    """A vector seen by a sensor that is turned about z."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return (c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
+
+
 def _limited(v: Vec3, limit: float) -> Vec3:
     x, y, z = (min(max(component, -limit), limit) for component in v)
     return (x, y, z)
@@ -36,6 +42,7 @@ SAMPLE_FAULTS: dict[str, Callable[[ImuSample, float], ImuSample]] = {
     "accel-fixed": lambda s, x: s._replace(f_b=(x, x, x)),
     "zero-accel": lambda s, _: s._replace(f_b=ZERO),
     "compass-reversed": lambda s, _: s._replace(m_b_ut=_scaled(s.m_b_ut or ZERO, -1.0)),
+    "compass-turned": lambda s, x: s._replace(m_b_ut=_turned(s.m_b_ut or ZERO, x * DEG)),
     "no-mag": lambda s, _: s._replace(m_b_ut=ZERO),
 }
 # Effect of each fault on the axis in its argument.

@@ -160,7 +160,7 @@ def extended_sys_state(vehicle: Vehicle) -> Any:
 
 
 def sys_status(vehicle: Vehicle) -> Any:
-    """Sensors present and healthy, half a battery."""
+    """Sensors present and healthy, those without new values excepted; half a battery."""
     current_a = vehicle.current_a
     current_ca = -1 if current_a is None else round(100.0 * current_a)
     sensors = (
@@ -173,8 +173,13 @@ def sys_status(vehicle: Vehicle) -> Any:
         | mavlink.MAV_SYS_STATUS_GEOFENCE
         | mavlink.MAV_SYS_STATUS_PREARM_CHECK
     )
+    healthy = sensors
+    if not vehicle.has_all_gyro_data:
+        healthy &= ~mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    if not vehicle.has_all_accel_data:
+        healthy &= ~mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     return mavlink.MAVLink_sys_status_message(
-        sensors, sensors, sensors, 250, 15_200, current_ca, 50, 0, 0, 0, 0, 0, 0
+        sensors, sensors, healthy, 250, 15_200, current_ca, 50, 0, 0, 0, 0, 0, 0
     )
 
 

@@ -288,6 +288,16 @@ class Vehicle:
         return next((index for index, has in enumerate(has_data) if has), 0)
 
     @property
+    def has_all_gyro_data(self) -> bool:
+        """Whether every gyro has new values."""
+        return all(faults.has_gyro_data(self.t_s) for faults in self._faults)
+
+    @property
+    def has_all_accel_data(self) -> bool:
+        """Whether every accelerometer has new values."""
+        return all(faults.has_accel_data(self.t_s) for faults in self._faults)
+
+    @property
     def gps(self) -> GpsReading:
         """The receiver's measurement without noise."""
         lag_s = self._schedule.number("gps-lag", self.t_s)

@@ -629,3 +629,43 @@ def test_position_moves_with_the_vehicle():
     assert messages["LOCAL_POSITION_NED"].z == pytest.approx(motion.p_n[2])
     assert messages["EXTENDED_SYS_STATE"].landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
     assert messages["VFR_HUD"].climb == pytest.approx(-motion.v_n[2])
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.9, 1.1, 2.0])
+def test_a_simulators_time_runs_at_its_own_rate(rate):
+    flight = Flight(faults=[f"clock-rate={rate}@2+10"])
+    flight.ask(mavlink.MAVLINK_MSG_ID_RAW_IMU, 10_000)
+    for step in range(401):
+        flight.to(0.01 * step)
+    before = flight.autopilot.vehicle.boot_us
+    samples = [one for one in flight.to(5.0) if one.get_type() == "RAW_IMU"]
+    assert flight.autopilot.vehicle.boot_us - before == pytest.approx(1e6 * rate, abs=2_000)
+    assert len(samples) == pytest.approx(100 * rate, abs=1)
+    left_ns = [item.t_ns for item in flight.sent]
+    assert left_ns == sorted(left_ns)
+    assert flight.autopilot.next_deadline_ns > START + 5 * SECOND
+
+
+def test_a_gyro_without_new_values_is_unhealthy_in_sys_status():
+    flight = Flight(imus=2, faults=["gyro-frozen@1+2/2"])
+    flight.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 500_000)
+    health = {
+        when: next(
+            one.onboard_control_sensors_health
+            for one in flight.to(when)[::-1]
+            if one.get_type() == "SYS_STATUS"
+        )
+        for when in (0.9, 2.5, 4.0)
+    }
+    gyro = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    assert [bool(health[when] & gyro) for when in (0.9, 2.5, 4.0)] == [True, False, True]
+
+
+def test_a_turned_compass_shows_a_turned_field():
+    def field(*faults):
+        message = Flight(faults=faults).autopilot.vehicle.imu(0).m_b_ut
+        return message[0] + 1j * message[1], message[2]
+
+    (level, down), (turned, down_too) = field(), field("compass-turned=90@0")
+    assert turned == pytest.approx(level * -1j)
+    assert down_too == down

@@ -73,3 +73,11 @@ def test_same_seed_same_line():
     faults = ("drop@0", "duplicate@0", "reorder@0", "delay@0", "garbage@0")
     assert sent(*faults, seed=3)[0] == sent(*faults, seed=3)[0]
     assert sent(*faults, seed=3)[0] != sent(*faults, seed=4)[0]
+
+
+def test_a_stall_delivers_everything_at_its_end():
+    arrived, _ = sent("stall@1+1.4")
+    assert [data for _, data in arrived] == FRAMES
+    held = [t for t, data in arrived if FRAMES[500] <= data < FRAMES[1200]]
+    assert len(held) == 700
+    assert set(held) == {START + 2_400 * MS}
