@@ -1,26 +1,31 @@
-"""Lateness of an estimate: the autopilot's clock against the host's, by the quickest message.
+"""Lateness of an estimate: the autopilot's clock against the host's, by exchanges and samples.
 
 The delay of a sample is the host's time minus the sample's, on two clocks with an unknown offset;
 the least delay seen is that of a sample of usual speed, and any excess of a sample is its lateness.
-Clocks drift apart, and a simulator's clock may run at another speed altogether: an exchange of
-TIMESYNC with a short round trip measures the offset again, and the least delay is kept relative to
-it. A message with a short round trip was not delayed: if it looks late, the least delay was wrong
-and is estimated again. Without exchanges the least delay creeps, and a delay that lasts for
-`FORGIVEN_NS` becomes the usual one.
+Clocks drift apart, and a simulator's runs at a rate of its own: every exchange of TIMESYNC bounds
+the offset (`HostTime`), and the least delay is kept relative to it. An answer that took a round
+trip also bounds the lateness: what the autopilot has sent before it cannot have waited for longer.
+Without exchanges the least delay creeps, and a delay that lasts for `FORGIVEN_NS` becomes the usual
+one.
 """
+
+from h2nav.service.host_time import HostTime
+from h2nav.service.time_sync import Exchange
 
 LATE_NS = 150_000_000
 """An estimate that is later than usual by more than this is not sent."""
+
+DOUBTED_NS = 50_000_000
+"""Lateness from which on the clocks are compared more often: the rate may have changed."""
 
 LASTING_NS = 300_000_000
 """Lateness that lasts this long is reported."""
 
 FORGIVEN_NS = 20_000_000_000
-# A longer round trip says too little about the offset of the clocks.
-SHORT_TRIP_NS = 100_000_000
-# Two crystals differ by at most 100 millionths. A clock without exchanges may be that of a
-# simulator on a busy computer (PX4's was seen at 0.97 of real time).
-CREEP_COMPARED = 2e-4
+# Two crystals differ by at most 100 millionths. A clock that has never been compared, or that has
+# shown another rate, may be that of a simulator on a busy computer (PX4's was seen at 0.97 of real
+# time).
+CREEP_KNOWN = 2e-4
 CREEP_UNKNOWN = 0.1
 
 
@@ -37,29 +42,29 @@ class Lateness:
     def restart(self) -> None:
         """Restarts with the autopilot's clock."""
         self.late_ns = 0
-        self._clock_ns = 0  # host minus autopilot, of the last exchange
-        self._creep = CREEP_UNKNOWN
+        self._clock = HostTime()
+        self._zero_ns = 0  # the samples' time minus that of the exchanges
+        self._newest: tuple[int, int] | None = None  # its own time and its arrival, ns
         self._least_ns: int | None = None
-        self._least_at_ns = 0
         self._late_since_ns: int | None = None
 
-    def compared(self, offset_ns: int, round_trip_ns: int) -> None:
-        """Takes a TIMESYNC exchange.
-
-        Args:
-            offset_ns: autopilot time minus host time.
-            round_trip_ns: until the reply.
-        """
-        if round_trip_ns > SHORT_TRIP_NS:
+    def compared(self, exchange: Exchange) -> None:
+        """Takes a TIMESYNC exchange, whatever its round trip."""
+        is_first = not self._clock.is_known
+        excess_ns = 0
+        if self._newest is not None and self._least_ns is not None:
+            sample_ns, arrived_ns = self._newest
+            excess_ns = arrived_ns - self._sent_ns(sample_ns) - self._least_ns
+        self._clock.take(exchange)
+        if self._newest is None or self._least_ns is None:
             return
-        if self._least_ns is not None and self._creep == CREEP_UNKNOWN:
-            # From now on the least delay stays constant relative to the last exchange.
-            self._least_ns += self._clock_ns + offset_ns
-        self._clock_ns = -offset_ns
-        self._creep = CREEP_COMPARED
-        if self.is_late:
-            # With such a short round trip nothing was delayed: the usual delay was wrong.
-            self._least_ns = None
+        if is_first:
+            self._align(*self._newest)
+            # From now on the least delay stays constant relative to the exchanges.
+            self._least_ns = -min(excess_ns, exchange.round_trip_ns)
+            return
+        delay_ns = arrived_ns - self._sent_ns(sample_ns)
+        self._least_ns = max(self._least_ns, delay_ns - exchange.round_trip_ns)
 
     def seen(self, arrived_ns: int, now_ns: int, sample_us: int) -> None:
         """Takes a sample.
@@ -68,29 +73,43 @@ class Lateness:
             now_ns: host time at which its estimate would be sent.
             sample_us: its own time.
         """
-        sent_ns = sample_us * 1000 + self._clock_ns
+        sample_ns, before = sample_us * 1000, self._newest
+        if before is None and self._clock.is_known:
+            self._align(sample_ns, arrived_ns)
+        sent_ns = self._sent_ns(sample_ns)
         delay_ns = arrived_ns - sent_ns
         late_since_ns = self._late_since_ns
-        if late_since_ns is not None and self._is_forgiven(now_ns - late_since_ns):
+        is_lasting = late_since_ns is not None and now_ns - late_since_ns > FORGIVEN_NS
+        if is_lasting and not self._clock.holds(arrived_ns):
             self._least_ns = None
-        if self._least_ns is not None:
-            crept_ns = round((arrived_ns - self._least_at_ns) * self._creep)
+        if self._least_ns is not None and before is not None:
+            creep = CREEP_KNOWN if self._clock.holds(arrived_ns) else CREEP_UNKNOWN
+            crept_ns = round((arrived_ns - before[1]) * creep)
             delay_ns = min(delay_ns, self._least_ns + max(crept_ns, 0))
-        self._least_ns, self._least_at_ns = delay_ns, arrived_ns
+        self._least_ns, self._newest = delay_ns, (sample_ns, arrived_ns)
         self.late_ns = now_ns - sent_ns - delay_ns
         if self.late_ns <= LATE_NS:
             self._late_since_ns = None
         elif late_since_ns is None:
             self._late_since_ns = now_ns
 
-    def _is_forgiven(self, lasting_ns: int) -> bool:
-        """Whether, without exchanges, a lasting delay is taken as the usual one."""
-        return self._creep != CREEP_COMPARED and lasting_ns > FORGIVEN_NS
+    def _sent_ns(self, sample_ns: int) -> int:
+        """Host time of a sample, as far as exchanges tell; its own time without any."""
+        return self._clock.host_ns(sample_ns - self._zero_ns)
+
+    def _align(self, sample_ns: int, arrived_ns: int) -> None:
+        """Takes the samples' time, which may count from another origin, for that of exchanges."""
+        self._zero_ns = sample_ns - self._clock.autopilot_ns(arrived_ns)
 
     @property
     def is_late(self) -> bool:
         """Whether the newest estimate is too old to be sent."""
         return self.late_ns > LATE_NS
+
+    @property
+    def is_doubted(self) -> bool:
+        """Whether the clocks have to be compared often: a rate is not constant, or seems so."""
+        return self.late_ns > DOUBTED_NS or (self._clock.is_known and not self._clock.is_steady)
 
     def is_lasting(self, t_ns: int) -> bool:
         """Whether the lateness has lasted for a while, or is large."""

@@ -151,6 +151,7 @@ class Service:
             surroundings.unix_offset_ns,
         )
         self.time_sync = TimeSync()
+        self._asked_time_ns = 0
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
         self._bound_address: Sender | None = None
@@ -167,7 +168,7 @@ class Service:
         self._refused: Counter[str] = Counter()  # messages other than samples, and our own faults
         self._jobs = (
             Job(self._heartbeat, lambda: SECOND_NS),
-            Job(self._ask_time, self._time_sync_pause_ns),
+            Job(self._ask_time, lambda: TIMESYNC_EAGER_NS),
             Job(self._ask_streams, lambda: TIMER_NS),
             Job(self._ask_parameter, lambda: SECOND_NS),
             Job(self._report, lambda: SECOND_NS),
@@ -584,7 +585,9 @@ class Service:
         exchange = self.time_sync.answer(envelope.t_ns, message.tc1_ns, message.ts1_ns)
         if exchange is None:
             return []
-        self._lateness.compared(exchange.offset_ns, exchange.round_trip_ns)
+        self._lateness.compared(exchange)
+        if not exchange.is_quick:
+            return []
         record = records.TimeSyncRecord(
             offset_us=exchange.offset_ns * 1e-3,
             skew_ppm=self.time_sync.skew * 1e6,
@@ -612,11 +615,12 @@ class Service:
         identity = self._autopilot.identity
         if identity is None or self._link_error is not None or not self._pulse.is_heard(t_ns):
             return []
+        is_calm = self.time_sync.is_calm and not self._lateness.is_doubted
+        if is_calm and t_ns < self._asked_time_ns + TIMESYNC_CALM_NS:
+            return []
+        self._asked_time_ns = t_ns
         asked = outbound.time_sync(0, self.time_sync.request(t_ns), identity.address)
         return [self._send(asked)]
-
-    def _time_sync_pause_ns(self) -> int:
-        return TIMESYNC_CALM_NS if self.time_sync.is_calm else TIMESYNC_EAGER_NS
 
     def _ask_streams(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity

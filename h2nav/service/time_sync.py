@@ -21,9 +21,25 @@ MAX_SKEW = 1e-3
 class Exchange(NamedTuple):
     """One completed TIMESYNC exchange."""
 
-    host_ns: int  # host time at the middle of the round trip
-    offset_ns: int  # autopilot time minus host time
-    round_trip_ns: int  # time until the reply
+    asked_ns: int  # host time of the request
+    answered_ns: int  # host time of the reply
+    autopilot_ns: int  # the autopilot's time in between
+    is_quick: bool = True  # its round trip is near the least recent one
+
+    @property
+    def round_trip_ns(self) -> int:
+        """Time until the reply."""
+        return self.answered_ns - self.asked_ns
+
+    @property
+    def host_ns(self) -> int:
+        """Host time at the middle of the round trip."""
+        return self.asked_ns + self.round_trip_ns // 2
+
+    @property
+    def offset_ns(self) -> int:
+        """Autopilot time minus host time, with half of the round trip as uncertainty."""
+        return self.autopilot_ns - self.host_ns
 
 
 class TimeSync:
@@ -41,7 +57,10 @@ class TimeSync:
         return t_ns
 
     def answer(self, t_ns: int, tc1: int, ts1: int) -> Exchange | None:
-        """Takes a TIMESYNC reply; returns the exchange if it was ours and is used."""
+        """Takes a TIMESYNC reply; returns the exchange if it was ours.
+
+        Only a quick one counts for offset and skew.
+        """
         if ts1 not in self._pending:
             return None
         self._pending.remove(ts1)
@@ -49,17 +68,18 @@ class TimeSync:
         self._recent_rtt_ns.append(round_trip_ns)
         least_ns = min(self._recent_rtt_ns)
         limit_ns = max(BELIEVED_RTT_FACTOR * least_ns, least_ns + BELIEVED_RTT_FLOOR_NS)
-        if round_trip_ns > limit_ns:
-            return None
-        host_ns = ts1 + round_trip_ns // 2
-        exchange = Exchange(host_ns, tc1 - host_ns, round_trip_ns)
+        exchange = Exchange(ts1, t_ns, tc1, round_trip_ns <= limit_ns)
+        if exchange.is_quick:
+            self._believe(exchange)
+        return exchange
+
+    def _believe(self, exchange: Exchange) -> None:
         if self._believed:
-            deviation_ns = abs(exchange.offset_ns - self._offset_at(host_ns))
+            deviation_ns = abs(exchange.offset_ns - self._offset_at(exchange.host_ns))
             self._is_drifting = deviation_ns > DRIFT_NS
             if deviation_ns > JUMP_NS:
                 self._believed.clear()
         self._believed.append(exchange)
-        return exchange
 
     def restart(self) -> None:
         """Forgets the relation (the autopilot rebooted)."""

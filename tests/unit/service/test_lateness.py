@@ -1,14 +1,23 @@
 """How late an estimate is, on clocks that nobody has compared and on compared ones."""
 
+import math
 import random
+from collections import deque
 
 import pytest
 
 from h2nav.service.lateness import Lateness
+from h2nav.service.time_sync import Exchange
 
 MS = 1_000_000
 SECOND_NS = 1_000_000_000
 BOOT_NS = 4_000 * SECOND_NS  # the host was there before the autopilot
+
+
+def exchange(host_ns, autopilot_ns, round_trip_ns=2 * MS):
+    """One whose answer was made in the middle of its round trip."""
+    half_ns = round_trip_ns // 2
+    return Exchange(host_ns - half_ns, host_ns + half_ns, autopilot_ns)
 
 
 class Stream:
@@ -31,7 +40,7 @@ class Stream:
         elapsed_ns = round(self._i * 10 * MS / self._speed)
         sample_us = self._i * 10_000
         if self._compares and self._i % 20 == 0:
-            self.lateness.compared(sample_us * 1000 - BOOT_NS - elapsed_ns, 2 * MS)
+            self.lateness.compared(exchange(BOOT_NS + elapsed_ns, sample_us * 1000))
         arrived_ns = BOOT_NS + elapsed_ns + round(transit_ms * MS)
         self.lateness.seen(arrived_ns, arrived_ns + round(queued_ms * MS), sample_us)
         return self.lateness.late_ns / MS
@@ -117,5 +126,85 @@ def test_only_lasting_lateness_is_told():
 def test_a_slow_exchange_says_nothing():
     stream = Stream()
     stream.run(5.0)
-    stream.lateness.compared(-BOOT_NS + 500 * MS, 900 * MS)
+    stream.lateness.compared(exchange(BOOT_NS + 4_500 * MS, 5_000 * MS, 900 * MS))
     assert abs(stream.sample()) < 5.0
+
+
+class Line:
+    """Samples and answers on one line, in order, from an autopilot of a changing rate.
+
+    Args:
+        rate_at: of the autopilot's time, by the host's time in s.
+        up_ms: how long the autopilot takes to read a request.
+        down_ms: how long its messages take, both by the host's time in s.
+    """
+
+    def __init__(self, rate_at=lambda _: 1.0, up_ms=lambda _: 1.0, down_ms=lambda _: 1.0):
+        self.lateness = Lateness()
+        self.arrivals: list[tuple[float, float, float]] = []  # s, true age ms, lateness ms
+        self._ways = rate_at, up_ms, down_ms
+        self._own_ns, self._last_ns = 60.0 * SECOND_NS, 0
+        self._transit: deque[tuple[int, int, int, int | None]] = deque()
+
+    def run(self, seconds, pause_s=0.2):
+        rate_at, up_ms, down_ms = self._ways
+        requests: deque[tuple[int, int]] = deque()
+        asked_s = -pause_s
+        for step in range(round(1000 * seconds)):
+            now_s, now_ns = 1e-3 * step, BOOT_NS + step * MS
+            before_ns = self._own_ns
+            self._own_ns += rate_at(now_s) * MS
+            if now_s - asked_s >= pause_s:
+                asked_s = now_s
+                requests.append((now_ns, now_ns + round(up_ms(now_s) * MS)))
+            self._last_ns = max(self._last_ns, now_ns + round(down_ms(now_s) * MS))
+            if before_ns // (10 * MS) != self._own_ns // (10 * MS):
+                self._transit.append((self._last_ns, now_ns, round(self._own_ns), None))
+            while requests and requests[0][1] <= now_ns:
+                asked_ns = requests.popleft()[0]
+                self._transit.append((self._last_ns, now_ns, round(self._own_ns), asked_ns))
+            self._deliver(now_s, now_ns)
+        return self
+
+    def _deliver(self, now_s, now_ns):
+        while self._transit and self._transit[0][0] <= now_ns:
+            arrived_ns, sent_ns, own_ns, asked_ns = self._transit.popleft()
+            if asked_ns is not None:
+                self.lateness.compared(Exchange(asked_ns, arrived_ns, own_ns))
+                continue
+            self.lateness.seen(arrived_ns, arrived_ns, own_ns // 1000)
+            age_ms = (arrived_ns - sent_ns) / MS
+            self.arrivals.append((now_s, age_ms, self.lateness.late_ns / MS))
+
+
+RATES = {
+    "0.5": lambda _: 0.5,
+    "0.8": lambda _: 0.8,
+    "0.9": lambda _: 0.9,
+    "1.1": lambda _: 1.1,
+    "2.0": lambda _: 2.0,
+    "slows down": lambda t_s: 1.0 if t_s < 20.0 else 0.8,
+    "on a busy host": lambda t_s: 0.9 + 0.1 * math.sin(0.7 * t_s),
+}
+
+
+@pytest.mark.parametrize("rate_at", RATES.values(), ids=RATES)
+@pytest.mark.parametrize("worst_trip_ms", [5.0, 140.0])
+def test_another_rate_is_no_delay(rate_at, worst_trip_ms):
+    """Not even while most answers are slow, as on a host without a free core."""
+    rng = random.Random(3)
+    line = Line(rate_at, up_ms=lambda _: rng.uniform(1.0, worst_trip_ms)).run(60.0)
+    held = [late_ms for _, _, late_ms in line.arrivals if late_ms > 150.0]
+    # A rate that changes by a fifth between two slow answers may hold back three samples.
+    assert len(held) <= 3, f"{len(held)} of {len(line.arrivals)}"
+
+
+@pytest.mark.parametrize("rate_at", RATES.values(), ids=RATES)
+def test_what_waits_in_the_line_is_late_at_any_rate(rate_at):
+    """2 s of buffer fill in the 30th second, and drain ten seconds later."""
+    line = Line(rate_at, down_ms=lambda t_s: 2_000.0 if 30.0 <= t_s < 40.0 else 1.0).run(60.0)
+    old = [late_ms for t_s, age_ms, late_ms in line.arrivals if age_ms > 1_000.0]
+    assert len(old) > 500 * rate_at(35.0)
+    assert min(old) > 150.0
+    after = [late_ms for t_s, _, late_ms in line.arrivals if t_s > 43.0]
+    assert max(after) < 150.0
