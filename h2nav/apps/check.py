@@ -59,7 +59,7 @@ def verdict_of(service: Service) -> dict[str, Any]:
     """The result, in the form of the JSON document."""
     faults, judged = service.before_arming
     return {
-        "ok": bool(judged) and not faults,
+        "ok": bool(judged) and not service.reasons_not_to_arm,
         "vehicle": service.bound_to,
         "armed": service.health.armed,
         "faults": [
@@ -73,6 +73,7 @@ def verdict_of(service: Service) -> dict[str, Any]:
             }
             for fault in faults
         ],
+        "reasons": list(service.reasons_not_to_arm),
         "judged": [item.value for item in Item if item in judged],
         "not_judged": [item.value for item in Item if item not in judged],
     }
@@ -97,8 +98,9 @@ def _show(found: dict[str, Any]) -> None:
         print("the vehicle is armed: no check was made")
     elif not found["judged"]:
         print("no check was possible: the vehicle has to stand still and send its IMU's messages")
-    for fault in found["faults"]:
-        print(f"wrong: {fault['text']} (at most {fault['limit']:.3g})")
+    limits = {fault["text"]: f" (at most {fault['limit']:.3g})" for fault in found["faults"]}
+    for reason in found["reasons"]:
+        print(f"wrong: {reason}{limits.get(reason, '')}")
     if found["ok"]:
         print(f"nothing wrong with: {', '.join(found['judged'])}")
     if found["not_judged"]:

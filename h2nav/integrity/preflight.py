@@ -1,7 +1,7 @@
 """Checks on the ground before arming: sensors at rest, against gravity and each other.
 
-Windows of one second of each IMU at rest; results that hold for some seconds count. A vehicle being
-carried shows nothing, and no result is given.
+Windows of half a second of each IMU, of which the latest two seconds have to be at rest. A vehicle
+being carried shows nothing, and no result is given.
 """
 
 import math
@@ -9,13 +9,14 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import NamedTuple
 
-from h2nav.attitude.samples import EarthField, Quat, Vec3
+from h2nav.attitude.samples import EarthField, ImuSample, Quat, Vec3
 from h2nav.maths.quaternion import conjugate, rotate
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-WINDOW_US = 1_000_000
-# A window needs samples; a verdict needs windows, and forgets slowly.
-FEWEST_SAMPLES, FEWEST_WINDOWS, KEPT_WINDOWS = 10, 5, 15
+WINDOW_US = 500_000
+# A window needs samples; a verdict needs windows.
+MIN_SAMPLES, MIN_WINDOWS = 5, 4
+MIN_FIXES = 15
 # At rest no axis turns by more than this about its mean, and no force varies by more.
 STILL_RAD_S, STILL_M_S2 = 1.5 * DEG, 0.5
 # Zero-rate output after a calibration at power-on: 2 deg/s is beyond BMI088 and ICM-20602 without
@@ -33,6 +34,13 @@ COMPASS_APART_RAD = 45.0 * DEG
 LEVEL_UT = 5.0
 # Against the World Magnetic Model: iron in the ground makes some tens of percent.
 FIELD_SHARE, FIELD_DIP_RAD = 0.35, 20.0 * DEG
+# Of the level part of a calibrated field: ARMING_MAGTHRESH of ArduPilot, 100 mG.
+FIELD_LEVEL_UT = 10.0
+MG_PER_UT = 10.0
+# A field that turns by this much about the vertical while the gyro has turned by less than half of
+# it; compared with the field of some seconds before, so that a gyro's bias does not matter.
+FIELD_TURN_RAD = 20.0 * DEG
+TURN_WINDOWS = 8
 # The autopilot's vertical against the force.
 TILT_RAD = 6.0 * DEG
 SPEED_M_S = 1.5
@@ -64,20 +72,22 @@ class GroundFault(NamedTuple):
 
     @property
     def text(self) -> str:
-        """One line for people, short enough for a STATUSTEXT."""
-        return f"{self.sensor}: {_WORDS[self.item]} {self.size:.3g} {self.unit}"
+        """One line for people, of at most 34 characters: for a STATUSTEXT of an autopilot."""
+        numbers = self.sensor.partition(" ")[2]
+        size = f"{self.size:.{0 if self.size >= 10.0 else 1}f} {self.unit}"
+        return _WORDS[self.item].format(numbers, size)
 
 
 _WORDS = {
-    Item.GYRO: "gyro at rest turns",
-    Item.GYROS_APART: "gyros apart by",
-    Item.ACCELEROMETER: "gravity wrong by",
-    Item.ACCELEROMETERS_APART: "accelerometers apart by",
-    Item.VIBRATION: "shaking of",
-    Item.COMPASS: "field wrong by",
-    Item.COMPASSES_APART: "compasses apart by",
-    Item.TILT: "vertical wrong by",
-    Item.GPS: "at rest moves with",
+    Item.GYRO: "gyro {} turns {} at rest",
+    Item.GYROS_APART: "gyros {} differ by {}",
+    Item.ACCELEROMETER: "accelerometer {} off by {}",
+    Item.ACCELEROMETERS_APART: "accels {} differ by {}",
+    Item.VIBRATION: "IMU {} shakes by {}",
+    Item.COMPASS: "compass {} is off by {}",
+    Item.COMPASSES_APART: "compasses {} differ {}",
+    Item.TILT: "autopilot's tilt{} off by {}",
+    Item.GPS: "GPS{} moves by {} at rest",
 }
 
 
@@ -89,12 +99,43 @@ class GroundVerdict(NamedTuple):
 
 
 class _Window(NamedTuple):
-    """One second of an IMU."""
+    """Half a second of an IMU."""
 
     w_b: Vec3  # mean rate, rad/s
     f_b: Vec3  # mean force, m/s^2
     shaken_m_s2: float  # rms of the force about its mean
     is_still: bool  # the vehicle was at rest
+
+
+class _FieldTurn:
+    """Whether a field turns about the vertical while the vehicle, at rest, does not.
+
+    Attributes:
+        angle_rad: by how much it has turned; 0 if it has not. It stays until the field is back or
+            the vehicle moves: a filter takes a new direction for the right one in the end.
+    """
+
+    def __init__(self, first: _Window, field: Vec3) -> None:
+        self._first, self._field = first, field
+        self._windows = 0
+        self._turned: Vec3 = (0.0, 0.0, 0.0)
+        self.angle_rad = 0.0
+
+    def take(self, window: _Window, field: Vec3) -> bool:
+        """Takes a window at rest; returns whether the comparison is to begin anew."""
+        self._windows += 1
+        step_s = 1e-6 * WINDOW_US
+        x, y, z = (
+            turned + step_s * (now - then)
+            for turned, now, then in zip(self._turned, window.w_b, self._first.w_b, strict=True)
+        )
+        self._turned = (x, y, z)
+        angle = _about(_down(window.f_b), self._field, field) or 0.0
+        has_turned = angle > FIELD_TURN_RAD
+        if has_turned and (self.angle_rad or math.hypot(x, y, z) < 0.5 * angle):
+            self.angle_rad = angle
+            return False
+        return self._windows >= TURN_WINDOWS or self.angle_rad > 0.0
 
 
 class _Imu:
@@ -106,9 +147,17 @@ class _Imu:
         self._count = 0
         self.windows: list[_Window] = []
         self.field: Vec3 | None = None
+        self.field_is_raw = False
+        self._turn: _FieldTurn | None = None
 
-    def take(self, t_us: int, w_b: Vec3, f_b: Vec3, m_b_ut: Vec3 | None) -> bool:
+    @property
+    def field_turn_rad(self) -> float:
+        """By how much the field has turned at rest."""
+        return 0.0 if self._turn is None else self._turn.angle_rad
+
+    def take(self, t_us: int, w_b: Vec3, f_b: Vec3, m_b_ut: Vec3 | None, is_raw: bool) -> bool:
         """Takes a sample; returns whether it ended a window."""
+        self.field_is_raw = is_raw
         if m_b_ut is not None:
             old = self.field
             self.field = m_b_ut if old is None else _blend(old, m_b_ut)
@@ -130,7 +179,7 @@ class _Imu:
 
     def _end(self) -> None:
         n = self._count
-        if n < FEWEST_SAMPLES:
+        if n < MIN_SAMPLES:
             return
         mean = [value / n for value in self._sums[:6]]
         spread = [
@@ -144,15 +193,20 @@ class _Imu:
             turns < STILL_RAD_S and shakes < STILL_M_S2,
         )
         if math.isfinite(sum(mean)):
-            self.windows = [*self.windows[1 - KEPT_WINDOWS :], found]
+            self.windows = [*self.windows[1 - MIN_WINDOWS :], found]
+            self._compare_field(found)
+
+    def _compare_field(self, window: _Window) -> None:
+        if not window.is_still or self.field is None:
+            self._turn = None
+        elif self._turn is None or self._turn.take(window, self.field):
+            self._turn = _FieldTurn(window, self.field)
 
     @property
     def still(self) -> list[_Window]:
         """The latest windows if all of them were at rest; otherwise none."""
-        latest = self.windows[-FEWEST_WINDOWS:]
-        if len(latest) < FEWEST_WINDOWS or not all(window.is_still for window in latest):
-            return []
-        return latest
+        is_still = len(self.windows) == MIN_WINDOWS and all(w.is_still for w in self.windows)
+        return self.windows if is_still else []
 
 
 class Preflight:
@@ -171,10 +225,15 @@ class Preflight:
         self._reported = None
         self._fast, self._fixes = 0.0, 0
 
-    def on_sample(self, imu: int, t_us: int, w_b: Vec3, f_b: Vec3, m_b_ut: Vec3 | None) -> None:
-        """Takes a sample of an IMU, by its number from 0, on the autopilot's clock."""
+    def on_sample(self, imu: int, sample: ImuSample, *, field_is_raw: bool = False) -> None:
+        """Takes a sample of an IMU, by its number from 0.
+
+        Args:
+            field_is_raw: the field is the sensor's own, not calibrated.
+        """
+        t_us, w_b, f_b, m_b_ut, _ = sample
         if 0 <= imu < MOST_IMUS:
-            self._imus.setdefault(imu, _Imu()).take(t_us, w_b, f_b, m_b_ut)
+            self._imus.setdefault(imu, _Imu()).take(t_us, w_b, f_b, m_b_ut, field_is_raw)
 
     def on_earth(self, earth: EarthField) -> None:
         """Takes the earth's field."""
@@ -201,8 +260,8 @@ class Preflight:
             if windows:
                 judged |= {Item.GYRO, Item.ACCELEROMETER}
                 faults += _of_imu(f"IMU {imu + 1}", windows)
-            latest = self._imus[imu].windows[-FEWEST_WINDOWS:]
-            if len(latest) == FEWEST_WINDOWS:
+            latest = self._imus[imu].windows
+            if len(latest) == MIN_WINDOWS:
                 judged.add(Item.VIBRATION)
                 shaken = sorted(window.shaken_m_s2 for window in latest)[len(latest) // 2]
                 if shaken > SHAKEN_M_S2:
@@ -221,19 +280,23 @@ class Preflight:
         norm = math.hypot(*f_b)
         if not abs(norm - GRAVITY_M_S2) < 2.0 * FORCE_M_S2:
             return
-        down = (-f_b[0] / norm, -f_b[1] / norm, -f_b[2] / norm)
-        fields = {imu: one.field for imu, one in sorted(self._imus.items())}
-        known = [(imu, field) for imu, field in fields.items() if field is not None]
-        for imu, field in known:
+        down = _down(f_b)
+        known = []
+        for imu, one in sorted(self._imus.items()):
+            if one.field is None:
+                continue
+            known.append((imu, one.field))
+            found = _of_turn(imu, one.field_turn_rad)
             if self._earth is not None:
                 judged.add(Item.COMPASS)
-                faults += _of_field(f"compass {imu + 1}", field, down, self._earth)
-        for (one, a), (other, b) in pairwise(known):
+                found = found or _of_field(imu, one.field, down, self._earth, one.field_is_raw)
+            faults += found
+        for (first, a), (second, b) in pairwise(known):
             angle = _about(down, a, b)
             if angle is not None:
                 judged.add(Item.COMPASSES_APART)
                 if angle > COMPASS_APART_RAD:
-                    name = f"compass {one + 1} and {other + 1}"
+                    name = f"compass {first + 1} and {second + 1}"
                     limit = COMPASS_APART_RAD / DEG
                     faults.append(
                         GroundFault(Item.COMPASSES_APART, name, angle / DEG, "deg", limit)
@@ -245,7 +308,7 @@ class Preflight:
             if angle > TILT_RAD:
                 limit = TILT_RAD / DEG
                 faults.append(GroundFault(Item.TILT, "autopilot", angle / DEG, "deg", limit))
-        if self._fixes >= KEPT_WINDOWS:
+        if self._fixes >= MIN_FIXES:
             judged.add(Item.GPS)
             if self._fast > SPEED_M_S:
                 faults.append(GroundFault(Item.GPS, "GPS", self._fast, "m/s", SPEED_M_S))
@@ -276,9 +339,18 @@ def _apart(one: int, these: list[_Window], other: int, those: list[_Window]) -> 
     return found
 
 
-def _of_field(name: str, field: Vec3, down: Vec3, earth: EarthField) -> list[GroundFault]:
-    """Checks strength and dip of a field against the model."""
-    norm = math.hypot(*field)
+def _of_turn(imu: int, angle_rad: float) -> list[GroundFault]:
+    if not angle_rad:
+        return []
+    size, limit = angle_rad / DEG, FIELD_TURN_RAD / DEG
+    return [GroundFault(Item.COMPASS, f"compass {imu + 1}", size, "deg", limit)]
+
+
+def _of_field(
+    imu: int, field: Vec3, down: Vec3, earth: EarthField, is_raw: bool
+) -> list[GroundFault]:
+    """Checks strength, dip and level part of a field against the model."""
+    norm, name = math.hypot(*field), f"compass {imu + 1}"
     if norm <= 0.0:
         return []
     off = abs(norm / earth.norm_ut - 1.0)
@@ -288,7 +360,17 @@ def _of_field(name: str, field: Vec3, down: Vec3, earth: EarthField) -> list[Gro
     angle = abs(dip - earth.dip_rad)
     if angle > FIELD_DIP_RAD:
         return [GroundFault(Item.COMPASS, name, angle / DEG, "deg", FIELD_DIP_RAD / DEG)]
+    level = abs(math.hypot(*_level(field, down)) - earth.norm_ut * math.cos(earth.dip_rad))
+    if level > FIELD_LEVEL_UT and not is_raw:
+        limit = FIELD_LEVEL_UT * MG_PER_UT
+        return [GroundFault(Item.COMPASS, name, level * MG_PER_UT, "mG", limit)]
     return []
+
+
+def _down(f_b: Vec3) -> Vec3:
+    """The vertical by a force at rest."""
+    norm = math.hypot(*f_b) or 1.0
+    return (-f_b[0] / norm, -f_b[1] / norm, -f_b[2] / norm)
 
 
 def _about(down: Vec3, a: Vec3, b: Vec3) -> float | None:

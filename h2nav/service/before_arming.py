@@ -1,13 +1,17 @@
-"""The second opinion before arming: lasting faults on the ground, each reported once."""
+"""The second opinion before arming: faults on the ground, findings and the state of the service.
 
-from collections.abc import Sequence
+It is given at once, and reported to people once a fault has lasted.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import EarthField, ImuSample
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Alarm, Severity
 from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item, Preflight
 from h2nav.service.effects import Effect
+from h2nav.service.health import ServiceState, StateVerdict
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Report
 from h2nav.wire import outbound
@@ -15,29 +19,60 @@ from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.position import GpsFix
 
+# A fault of this duration is reported; the opinion does not wait.
 LASTS_NS = 3 * SECOND_NS
+# A vehicle that is never at rest, such as on a boat, is sound after this time without a reason.
+UNDISTURBED_NS = 10 * SECOND_NS
 # An authorization is valid for an arming that is imminent.
 AUTHORIZED_S = 10
-LOOK_NS = SECOND_NS
+LOOK_NS = SECOND_NS // 4
+NOTHING_KNOWN = "not judged yet: keep it still"
+
+
+def reasons_in(state: StateVerdict, alarms: Iterable[Alarm]) -> tuple[str, ...]:
+    """Reasons not to arm besides the faults on the ground, the worst first.
+
+    Args:
+        state: of the service; every state but active is a reason.
+        alarms: those of level warning and above are reasons.
+    """
+    wrong = (alarm for alarm in alarms if alarm.severity <= Severity.WARNING)
+    found = [alarm.notice for alarm in sorted(wrong, key=lambda alarm: alarm.severity)]
+    if state.state is not ServiceState.ACTIVE:
+        found += [reason for reason in state.reason.split("; ") if reason not in found]
+    return tuple(found)
 
 
 class BeforeArming:
-    """Checks the vehicle while it is disarmed; commands nothing."""
+    """Checks the vehicle while it is disarmed; commands nothing.
 
-    def __init__(self, report: Report) -> None:
+    Args:
+        report: reports a fault on the ground.
+        others: the reasons besides those faults.
+    """
+
+    def __init__(self, report: Report, others: Callable[[], tuple[str, ...]] = lambda: ()) -> None:
         self._report = report
+        self._others = others
         self._preflight = Preflight()
         self._since_ns: dict[tuple[Item, str], int] = {}
         self._looked_ns = 0
         self._is_armed = False
+        self._undisturbed_ns: int | None = None
         self.verdict = GroundVerdict()
-        self._sound_ns: int | None = None
-        self._is_sound = False
+        self._is_judged = False
 
     @property
     def faults(self) -> Sequence[GroundFault]:
-        """Faults that have lasted some seconds; none while armed."""
+        """Faults on the ground; none while armed."""
         return self.verdict.faults
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why not to arm, for people; none while armed."""
+        if self._is_armed:
+            return ()
+        return (*(fault.text for fault in self.faults), *self._others())
 
     def armed(self, is_armed: bool) -> None:
         """Takes the armed state from the heartbeat."""
@@ -50,13 +85,12 @@ class BeforeArming:
         self._preflight.restart()
         self._since_ns.clear()
         self.verdict = GroundVerdict()
-        self._sound_ns, self._is_sound = None, False
+        self._undisturbed_ns, self._is_judged = None, False
 
-    def on_sample(self, imu: int, t_ns: int, sample: ImuSample) -> None:
-        """Takes a sample of an IMU, by its number from 0."""
+    def on_sample(self, imu: int, sample: ImuSample, *, field_is_raw: bool) -> None:
+        """Takes a sample of an IMU, by its number from 0; see `Preflight.on_sample`."""
         if not self._is_armed:
-            t_us = t_ns // 1000
-            self._preflight.on_sample(imu, t_us, sample.w_b, sample.f_b, sample.m_b_ut)
+            self._preflight.on_sample(imu, sample, field_is_raw=field_is_raw)
 
     def on_earth(self, field: EarthField) -> None:
         """Takes the earth's field."""
@@ -72,7 +106,18 @@ class BeforeArming:
     @property
     def opinion(self) -> int:
         """1: nothing is wrong; 0: unknown or armed; -n: n things are wrong."""
-        return -len(self.faults) if self.faults else int(self._is_sound)
+        reasons = self.reasons
+        return -len(reasons) if reasons else int(self._is_judged)
+
+    @property
+    def messages(self) -> list[OutMessage]:
+        """The opinion for ArduPilot's applet, after what is wrong."""
+        opinion, reasons = self.opinion, self.reasons or (NOTHING_KNOWN,)
+        if opinion == 1 or self._is_armed:
+            return [outbound.arming_opinion(opinion)]
+        more = f" +{len(reasons) - 1}" if len(reasons) > 1 else ""
+        text = reasons[0][: outbound.ARMING_REASON_SIZE - len(more)] + more
+        return [outbound.arming_reason(text), outbound.arming_opinion(opinion)]
 
     def authorization(self, asker: Address) -> OutMessage:
         """The reply to a request for authorization."""
@@ -84,23 +129,27 @@ class BeforeArming:
         return outbound.arm_authorization(result, AUTHORIZED_S if is_good else 0, asker)
 
     def look(self, t_ns: int) -> list[Effect]:
-        """Called once a second; reports faults that have begun to last."""
+        """Called at each sample; reports faults that have begun to last."""
         if self._is_armed or t_ns - self._looked_ns < LOOK_NS:
             return []
         self._looked_ns = t_ns
-        faults, judged = self._preflight.verdict
-        now = {(fault.item, fault.sensor): fault for fault in faults}
+        self.verdict = self._preflight.verdict
+        if self.reasons:
+            self._undisturbed_ns = None
+        elif self._undisturbed_ns is None:
+            self._undisturbed_ns = t_ns
+        undisturbed_ns = self._undisturbed_ns
+        # Once judged, a vehicle that is carried is not unknown.
+        self._is_judged |= Item.ACCELEROMETER in self.verdict.judged
+        self._is_judged |= undisturbed_ns is not None and t_ns - undisturbed_ns >= UNDISTURBED_NS
+        return self._report_lasting(t_ns)
+
+    def _report_lasting(self, t_ns: int) -> list[Effect]:
+        now = {(fault.item, fault.sensor): fault for fault in self.faults}
         self._since_ns = {key: self._since_ns.get(key, t_ns) for key in now}
-        lasting = [f for key, f in now.items() if t_ns - self._since_ns[key] >= LASTS_NS]
-        self.verdict = GroundVerdict(tuple(lasting), judged)
-        # A fault that has just begun counts neither as a fault nor as sound.
-        if now or Item.ACCELEROMETER not in judged:
-            self._sound_ns = None
-        elif self._sound_ns is None:
-            self._sound_ns = t_ns
-        self._is_sound = self._sound_ns is not None and t_ns - self._sound_ns >= LASTS_NS
         effects: list[Effect] = []
-        for fault in lasting:
-            cause = f"preflight {fault.item} {fault.sensor}"
-            effects += self._report(t_ns, Severity.WARNING, f"before arming: {fault.text}", cause)
+        for (item, sensor), fault in now.items():
+            if t_ns - self._since_ns[item, sensor] >= LASTS_NS:
+                text, cause = f"before arming: {fault.text}", f"preflight {item} {sensor}"
+                effects += self._report(t_ns, Severity.WARNING, text, cause)
         return effects

@@ -191,8 +191,8 @@ class Estimation:
     def useless_streams(self) -> Iterator[int]:
         """Requested messages that turned out not to be lanes."""
         for lane in self._lanes:
-            if lane.is_resting and lane.imu_message is not None:
-                yield lane.imu_message.message_id
+            if lane.is_resting:
+                yield lane.stream_id
 
     def lane_records(self) -> list[LaneRecord]:
         """The state of the lanes; empty if there is only one."""
@@ -242,7 +242,8 @@ class Estimation:
             is_accused |= step.is_accused
             if step.sample is not None:
                 steps[lane.imu] = step
-                self._before_arming.on_sample(lane.imu, t_ns, step.sample)
+                seen = lane.newest or step.sample  # with a field that the filter does not use
+                self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
         switched = ""
         if self._twins:
             self._find_twins(t_ns)

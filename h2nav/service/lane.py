@@ -83,6 +83,7 @@ class Lane:
         self._filter = chosen_filter
         self._wanted_hz = settings.imu_rate_hz
         lends = settings.imu_message == "auto"
+        self._wished_id = messages.message_ids[0]
         self._intake = Intake(messages, identity.autopilot, lends=lends)
         self._trust = LaneTrust(count)
         self._bias = OwnBias()
@@ -110,6 +111,12 @@ class Lane:
     def imu_message(self) -> ImuMessage | None:
         """The message in use."""
         return self._intake.message
+
+    @property
+    def stream_id(self) -> int:
+        """The message in use, or else the one requested for it, of which nothing may be usable."""
+        message = self._intake.message
+        return self._wished_id if message is None else message.message_id
 
     @property
     def has_estimate(self) -> bool:

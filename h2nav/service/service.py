@@ -20,7 +20,7 @@ from h2nav.integrity.preflight import GroundVerdict
 from h2nav.service import comparing, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Sender
-from h2nav.service.before_arming import BeforeArming
+from h2nav.service.before_arming import BeforeArming, reasons_in
 from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Notice, Record, Send, Used
@@ -123,7 +123,8 @@ class Service:
         self._settings = settings
         self._autopilot = Autopilot(settings.autopilot, settings.output.component_id)
         self._notices = Notices(settings.output.status_text)
-        self._before_arming = BeforeArming(self._notices.report)
+        self._before_arming = BeforeArming(self._notices.report, self._reasons_not_to_arm)
+        self._told_opinion = 0
         self._estimation = Estimation(
             surroundings.filter_for, settings.autopilot, self._before_arming
         )
@@ -240,6 +241,11 @@ class Service:
     def before_arming(self) -> GroundVerdict:
         """Faults on the ground, and the checks made; nothing while armed."""
         return self._before_arming.verdict
+
+    @property
+    def reasons_not_to_arm(self) -> tuple[str, ...]:
+        """The whole opinion before arming, for people; nothing while armed."""
+        return self._before_arming.reasons
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -465,6 +471,7 @@ class Service:
         outcome = self._estimation.take(t_ns, envelope.message_id, reading)
         effects = self._judgement.look(t_ns, at_once=outcome.is_accused)
         effects += self._before_arming.look(t_ns)
+        effects += self._tell_opinion(only_if_new=True)
         if outcome.event is not None:
             effects += self._on_new_epoch(t_ns, outcome.event)
         if outcome.switched:
@@ -607,9 +614,20 @@ class Service:
         if self._link_error is not None:
             return []
         messages = [outbound.heartbeat(SYSTEM_STATUS[self.state])]
-        if self._settings.output.arming_opinion:
-            messages.append(outbound.arming_opinion(self._before_arming.opinion))
-        return self._send_all(messages)
+        return [*self._send_all(messages), *self._tell_opinion()]
+
+    def _tell_opinion(self, *, only_if_new: bool = False) -> list[Effect]:
+        """The opinion on arming for ArduPilot: every second, and at once when it changes."""
+        if not self._settings.output.arming_opinion:
+            return []
+        opinion = self._before_arming.opinion
+        if only_if_new and opinion == self._told_opinion:
+            return []
+        self._told_opinion = opinion
+        return self._send_all(self._before_arming.messages)
+
+    def _reasons_not_to_arm(self) -> tuple[str, ...]:
+        return reasons_in(self._standing.verdict, self._judgement.alarms)
 
     def _ask_time(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity

@@ -24,6 +24,11 @@ LARGEST_FLOAT: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 STATUS_TEXT_SIZE = 50
 # Longer texts are truncated: they are read next to a map.
 STATUS_TEXT_CHUNKS = 4
+# An authorization's text in ArduPilot has 41 characters, of which the applet needs 7.
+ARMING_REASON_SIZE = 34
+# Not registered: private types begin at 32768. "h2" on top of that.
+ARMING_REASON_TYPE = 0xE832
+TUNNEL_SIZE = 128
 ELLIPSIS = "\u2026"
 MAV_FRAMES = {
     PoseFrame.LOCAL_FRD: mavlink.MAV_FRAME_LOCAL_FRD,
@@ -194,6 +199,13 @@ def arm_authorization(result: int, for_s: int, asker: Address) -> OutMessage:
 def arming_opinion(value: int) -> OutMessage:
     """NAMED_VALUE_INT `h2_arm`: 1 nothing is wrong, 0 unknown, -n: n things are wrong."""
     return mavlink.MAVLink_named_value_int_message(0, b"h2_arm", value)
+
+
+def arming_reason(text: str) -> OutMessage:
+    """TUNNEL to the autopilot's applet: why `h2_arm` is not 1, in `ARMING_REASON_SIZE` bytes."""
+    data = _encoded(text)[:ARMING_REASON_SIZE]
+    payload = [*data, *bytes(TUNNEL_SIZE - len(data))]
+    return mavlink.MAVLink_tunnel_message(0, 0, ARMING_REASON_TYPE, len(data), payload)
 
 
 def message_interval(message_id: int, rate_hz: float) -> OutMessage:

@@ -3,7 +3,8 @@
 -- h2nav sends NAMED_VALUE_INT "h2_arm" once a second (output.arming_opinion: true):
 --   1  nothing is wrong with what could be judged,
 --   0  nothing is known yet,
---  -n  n things are wrong; STATUSTEXT says which.
+--  -n  n things are wrong,
+-- and before it, unless it is 1, a TUNNEL message that says what.
 -- The applet is one of ArduPilot's auxiliary authorizations. It can only keep a vehicle from being
 -- armed, as any pre-arm check can; it never disarms, and it does nothing once the vehicle is armed.
 -- While h2nav is silent it refuses as well: remove the file to fly without a companion.
@@ -14,34 +15,54 @@ local NAME = "h2_arm"
 local COMPONENT = 191            -- output.component_id of h2nav
 local SILENT_MS = 3500
 local PERIOD_MS = 200
+local HEARTBEAT = 0
 local NAMED_VALUE_INT = 252
-local QUEUE = 10
+local TUNNEL = 385
+local REASON_TYPE = 0xE832
+local REASON_SIZE = 34           -- ArduPilot shows 41 characters
+local QUEUE = 20
 
 local auth_id = arming:get_aux_auth_id()
-local heard_ms = nil
+local heard_ms = nil             -- its opinion
+local alive_ms = nil             -- its heartbeat
 local opinion = 0
+local reason = ""
+
+-- Text of a TUNNEL: type, two targets, length, bytes.
+local function reason_in(payload)
+  local kind, _, _, length = string.unpack("<I2BBB", payload)
+  if kind ~= REASON_TYPE then
+    return reason
+  end
+  return payload:sub(6, 5 + math.min(length, REASON_SIZE))
+end
 
 -- A message as ArduPilot hands it to scripts: checksum (2 bytes), magic, length, two flag bytes,
 -- sequence, system, component, id (3 bytes), payload.
-local function decode(message)
+local function take(message)
   if #message < 12 then
-    return nil
+    return
   end
   local _, _, _, _, system, component, id = string.unpack("<BBBBxBBI3", message, 3)
-  if id ~= NAMED_VALUE_INT or component ~= COMPONENT then
-    return nil
+  if component ~= COMPONENT then
+    return
   end
   local own = param:get("MAV_SYSID") or param:get("SYSID_THISMAV")
   if own ~= nil and system ~= own then
-    return nil
+    return
   end
   -- Zeros at the end of a payload are not sent.
   local payload = message:sub(13) .. string.rep("\0", 18)
-  local _, value, name = string.unpack("<I4i4c10", payload)
-  if name:match("^[^%z]*") ~= NAME then
-    return nil
+  if id == HEARTBEAT then
+    alive_ms = millis()
+  elseif id == TUNNEL then
+    reason = reason_in(payload)
+  elseif id == NAMED_VALUE_INT then
+    local _, value, name = string.unpack("<I4i4c10", payload)
+    if name:match("^[^%z]*") == NAME then
+      heard_ms, opinion = millis(), value
+    end
   end
-  return value
 end
 
 local function receive()
@@ -50,23 +71,35 @@ local function receive()
     if message == nil then
       return
     end
-    local value = decode(message)
-    if value ~= nil then
-      heard_ms = millis()
-      opinion = value
-    end
+    take(message)
   end
 end
 
-local function judge()
-  if heard_ms == nil or (millis() - heard_ms) > SILENT_MS then
-    arming:set_aux_auth_failed(auth_id, "h2nav is silent")
+local function is_recent(ms)
+  return ms ~= nil and (millis() - ms) <= SILENT_MS
+end
+
+-- Why arming is refused; nil if it is not.
+local function refusal()
+  if not is_recent(heard_ms) then
+    if is_recent(alive_ms) then
+      return "output.arming_opinion is off"
+    end
+    return heard_ms == nil and "not heard since the start" or "it has fallen silent"
   elseif opinion > 0 then
+    return nil
+  elseif reason ~= "" then
+    return reason
+  end
+  return opinion == 0 and "knows nothing yet" or string.format("%d wrong, see messages", -opinion)
+end
+
+local function judge()
+  local text = refusal()
+  if text == nil then
     arming:set_aux_auth_passed(auth_id)
-  elseif opinion == 0 then
-    arming:set_aux_auth_failed(auth_id, "h2nav knows nothing yet")
   else
-    arming:set_aux_auth_failed(auth_id, string.format("h2nav: %d wrong, see messages", -opinion))
+    arming:set_aux_auth_failed(auth_id, "h2nav: " .. text)
   end
 end
 
@@ -82,6 +115,8 @@ if auth_id == nil then
   gcs:send_text(4, "h2nav_arming: no authorization is free")
   return
 end
-mavlink:init(QUEUE, 1)
+mavlink:init(QUEUE, 3)
+mavlink:register_rx_msgid(HEARTBEAT)
 mavlink:register_rx_msgid(NAMED_VALUE_INT)
+mavlink:register_rx_msgid(TUNNEL)
 return update()

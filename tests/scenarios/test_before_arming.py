@@ -84,5 +84,80 @@ def test_a_wrong_one_is_denied():
 
 
 def test_before_anything_is_known_the_answer_is_later():
-    (ack,) = answer_of(SimulatedFlight("rest", configuration=configured(True)), seconds=3.0)
+    (ack,) = answer_of(SimulatedFlight("rest", configuration=configured(True)), seconds=1.5)
     assert ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
+def opinions(flight):
+    """The opinions as sent: (s, value), and the texts beside those that are not 1."""
+    values, texts = [], []
+    for t_s, message in flight.seen.sent:
+        match type(message).__name__:
+            case "NAMED_VALUE_INT":
+                values.append((t_s, message.value))
+            case "TUNNEL":
+                texts.append((t_s, bytes(message.payload[: message.payload_length]).decode()))
+    return values, texts
+
+
+ON_ALL = ("", "/2", "/3")
+FAULT_S = 6.0
+
+
+@pytest.mark.parametrize(
+    ("faults", "imus", "said"),
+    [
+        (["accel-scale=1.1@6"], 1, "accelerometer 1 off by 0.9"),
+        (["gyro-bias=4@6"], 1, "gyro 1 turns 3.9"),
+        # 200 mG in the level plane; ArduPilot refuses beyond 100 mG.
+        ([f"hard-iron=20@6{imu}" for imu in ON_ALL], 3, "compass 1 is off by"),
+        ([f"compass-turned=90@6{imu}" for imu in ON_ALL], 3, "is off by"),
+        (["compass-turned=62@6/2"], 2, "compasses 1 and 2 differ 6"),
+        (["gyro-frozen@6"], 1, "IMU 1: gyro is frozen"),
+        (["gps-lost@6"], 1, "no GPS velocity"),
+    ],
+)
+def test_a_bad_state_is_refused_by_name_within_3_s(faults, imus, said):
+    """A receiver without a fix counts as lost after 3 s."""
+    flight = SimulatedFlight("rest", imus=imus, faults=faults, configuration=configured(True))
+    flight.run(13.0)
+    values, texts = opinions(flight)
+    assert [value for t_s, value in values if FAULT_S - 2.0 < t_s < FAULT_S] == [1] * 2
+    refused_s = next(t_s for t_s, value in values if value < 0 and t_s > FAULT_S)
+    assert refused_s - FAULT_S < (3.0 if "gps" not in faults[0] else 6.5)
+    assert values[-1][1] < 0
+    first = next(text for t_s, text in texts if t_s >= refused_s)
+    assert said in first
+    assert len(first) <= 34
+
+
+def test_a_field_that_has_turned_at_rest_is_not_forgotten():
+    """The filter takes the new direction for north in the end; the vehicle has not moved."""
+    flight = SimulatedFlight("rest", faults=["compass-turned=90@8"])
+    flight.run(30.0)
+    assert "compass 1 is off by" in flight.pipeline.service.reasons_not_to_arm[0]
+
+
+def test_after_a_disarm_it_is_known_again_within_3_s():
+    flight = SimulatedFlight("rest", configuration=configured(True)).run(5.0)
+    at_rest = flight.autopilot.options.scenario
+    flight.autopilot.vehicle.scenario = at_rest._replace(armed_s=0.0)
+    flight.run(8.0)
+    assert opinions(flight)[0][-1][1] == 0
+    flight.autopilot.vehicle.scenario = at_rest
+    flight.run(12.5)
+    values, _ = opinions(flight)
+    unknown = [t_s for t_s, value in values if value == 0 and t_s > 8.0]
+    # The next heartbeat says that it is disarmed.
+    assert max(unknown, default=8.0) < 12.0
+    assert values[-1][1] == 1
+
+
+def test_a_vehicle_that_is_never_at_rest_is_not_refused_for_ever():
+    """As on a boat: nothing can be measured at rest, and nothing else is wrong."""
+    flight = SimulatedFlight("hover", configuration=configured(True))
+    swaying = flight.autopilot.options.scenario
+    flight.autopilot.vehicle.scenario = swaying._replace(armed_s=None, airborne_s=None)
+    flight.run(16.0)
+    assert Item.ACCELEROMETER not in flight.pipeline.service.before_arming.judged
+    assert opinions(flight)[0][-1][1] == 1

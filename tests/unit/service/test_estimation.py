@@ -232,6 +232,7 @@ def test_a_stream_of_zeros_is_given_up_and_does_not_count():
         if flight.estimation.considers(t_ns, THIRD):
             flight.estimation.refuse(t_ns, "zero_force")
     assert not flight.estimation.considers(t_ns, THIRD)
+    assert list(flight.estimation.useless_streams()) == [THIRD]
     assert flight.estimation.rejected == {}
 
 

@@ -1,0 +1,72 @@
+"""Checks at rest, by samples made by hand: what is refused, how soon, and the way back."""
+
+import math
+
+import pytest
+
+from h2nav.attitude.samples import EarthField, ImuSample
+from h2nav.integrity.preflight import Item, Preflight
+from h2nav.maths.units import DEG
+
+EARTH = EarthField(norm_ut=50.0, dip_rad=60.0 * DEG, declination_rad=0.0)
+DOWN_UT, LEVEL_UT = 50.0 * math.sin(EARTH.dip_rad), 50.0 * math.cos(EARTH.dip_rad)
+RATE_HZ = 50
+
+
+class Vehicle:
+    """At rest and level, unless told otherwise."""
+
+    def __init__(self):
+        self.preflight = Preflight()
+        self.preflight.on_earth(EARTH)
+        self._count = 0
+
+    def stand(self, seconds, *, field_deg=0.0, level_ut=LEVEL_UT, w_b=(0.0, 0.0, 0.0), raw=False):
+        """Stands for so long; the items that are faulty then."""
+        angle = field_deg * DEG
+        field = (level_ut * math.cos(angle), level_ut * math.sin(angle), DOWN_UT)
+        for _ in range(round(seconds * RATE_HZ)):
+            self._count += 1
+            sample = ImuSample(self._count * 1_000_000 // RATE_HZ, w_b, (0.0, 0.0, -9.81), field)
+            self.preflight.on_sample(0, sample, field_is_raw=raw)
+        return [(fault.item, fault.unit) for fault in self.preflight.verdict.faults]
+
+    def shake(self):
+        """Is lifted and turned about all axes."""
+        for sign in (1.0, -1.0) * RATE_HZ:
+            self.stand(1.0 / RATE_HZ, w_b=(0.3 * sign, 0.3 * sign, 0.3 * sign))
+
+
+def test_all_is_judged_after_2_s_and_a_half():
+    vehicle = Vehicle()
+    assert vehicle.stand(2.6) == []
+    assert Item.COMPASS in vehicle.preflight.verdict.judged
+
+
+@pytest.mark.parametrize(("raw", "faults"), [(False, [(Item.COMPASS, "mG")]), (True, [])])
+def test_a_calibrated_field_has_the_earths_level_part(raw, faults):
+    """Norm and dip would pass: 19 % and 11 deg."""
+    assert Vehicle().stand(3.0, level_ut=LEVEL_UT + 15.0, raw=raw) == faults
+
+
+def test_a_field_that_turns_at_rest_is_wrong_until_it_is_back():
+    vehicle = Vehicle()
+    assert vehicle.stand(5.0) == []
+    assert vehicle.stand(1.0, field_deg=60.0) == [(Item.COMPASS, "deg")]
+    assert vehicle.stand(60.0, field_deg=60.0) == [(Item.COMPASS, "deg")]
+    assert vehicle.stand(2.0) == []
+
+
+def test_a_field_that_turned_at_rest_is_not_held_against_a_vehicle_that_has_moved():
+    vehicle = Vehicle()
+    vehicle.stand(5.0)
+    assert vehicle.stand(5.0, field_deg=60.0)
+    vehicle.shake()
+    assert vehicle.stand(10.0, field_deg=60.0) == []
+
+
+def test_a_vehicle_that_turns_slowly_turns_its_field():
+    """A boat that swings by 1 deg/s; the gyro's zero may be off by as much."""
+    vehicle = Vehicle()
+    found = [vehicle.stand(0.5, field_deg=-0.5 * n, w_b=(0.0, 0.0, DEG)) for n in range(120)]
+    assert not any(found)
