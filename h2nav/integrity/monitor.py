@@ -28,6 +28,7 @@ from h2nav.integrity.cause_alarms import cause_alarm
 from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.kernel.checks import LONGEST_STEP_US
 from h2nav.integrity.kernel.memory import (
     BEGUN,
     DUE,
@@ -149,6 +150,8 @@ class Monitor:
         self._field_used_us: int | None = None
         self._is_confirmed = False
         self._sample_us, self._period_us = 0, 0.0
+        self._checked_us: int | None = None
+        self._silent_us = 0  # without samples since the latest velocity
         self._shown_us: int | None = None
         # the field's latest turn in space that failed: over how long, and about the vertical?
         self._turn_s, self._turn_rad, self._turn_is_level = 0, 0.0, False
@@ -165,6 +168,7 @@ class Monitor:
 
     def check(self, sample: ImuSample) -> Use:
         """Takes a sample before the filter does; returns what the filter may use."""
+        self._note_silence(sample.t_us)
         bits = self._checked = self._watch.check(sample)
         self.field_is_frozen = bits & FIELD_FROZEN > 0
         if bits & UNSEEN_TURN:
@@ -172,6 +176,13 @@ class Monitor:
             self._tilt_rad = max(self._tilt_rad, unseen_rad)
             self._heading_rad = max(self._heading_rad, unseen_rad)
         return use_of(bits) if bits else Use.ALL
+
+    def _note_silence(self, t_us: int) -> None:
+        """Counts time in which nothing was heard: a link that is cut loses no velocity."""
+        gap_us = 0 if self._checked_us is None else t_us - self._checked_us
+        if gap_us > LONGEST_STEP_US:
+            self._silent_us += gap_us
+        self._checked_us = t_us
 
     @property
     def sensor_is_bad(self) -> bool:
@@ -234,7 +245,7 @@ class Monitor:
         if self._fix is not None:
             apart_us = min(fix.t_us - self._fix.t_us, 2 * VELOCITY_LOST_US)
             self._fix_period_us += PERIOD_SHARE * (apart_us - self._fix_period_us)
-        self._fix = fix
+        self._fix, self._silent_us = fix, 0
         self._field.use_offset(errors.field_offset_share)
         if not self._velocity.take(fix):
             return None
@@ -418,7 +429,7 @@ class Monitor:
         """The alarms at this time."""
         found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
-        if self._fix is not None and t_us - self._fix.t_us > lost_us:
+        if self._fix is not None and t_us - self._fix.t_us - self._silent_us > lost_us:
             found.append(_no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
         tests = self._tests
         for name, make in (("velocity", self._velocity_alarm), ("force", self._force_alarm)):

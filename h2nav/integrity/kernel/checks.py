@@ -3,8 +3,11 @@
 import math
 
 from .memory import FIELD_FROZEN, Gains, Memory, Sample
+from .repeats import forget_runs
 from .standstill import TURNING_RAD_S, field_is_frozen, standstill
 
+# Over a longer gap in the samples nothing is known of the values in between.
+LONGEST_STEP_US = 300e3
 # The longest step over which a turn is counted.
 LONGEST_TURN_US = 100e3
 WINDOW_US = 1e6
@@ -26,6 +29,9 @@ def check(s: Memory, g: Gains, sample: Sample) -> int:
     s.clipped = s.clipped + sample.clipped
     if s.window_us >= WINDOW_US:
         end_window(s)
+    if s.step_us > LONGEST_STEP_US:
+        forget_runs(s)
+        s.step_us = 0.0
     bits = standstill(s, sample)
     # A gyro that repeats its values may be frozen, and is no evidence of a turn then.
     if s.still_us[0] <= 0.0:

@@ -34,6 +34,7 @@ GYRO = 6
 FORCE = 7
 IMU = 8
 COMPASS = 9
+CHANNELS = 10
 # The experience of a sensor: one at rest and four in motion; of the compass: one of each.
 OF_SENSOR = 5
 OF_COMPASS = 21
@@ -117,6 +118,19 @@ def remember(s: Memory, channel: int, of: int) -> None:
         s.runs[at] = s.runs[at] + 1.0
     if s.run[channel] > s.longest[at]:
         s.longest[at] = s.run[channel]
+
+
+def forget_runs(s: Memory) -> None:
+    """Forgets repetitions before a gap in the samples, but for those of a sensor accused."""
+    for channel in range(CHANNELS):
+        if s.accused[channel] <= 0.0:
+            s.run[channel] = 0.0
+            s.run_us[channel] = 0.0
+            s.run_moved[channel] = 0.0
+    if s.accused[GYRO] + s.accused[IMU] <= 0.0:
+        s.still_us[0] = 0.0
+    if s.accused[FORCE] + s.accused[IMU] <= 0.0:
+        s.still_us[1] = 0.0
 
 
 def is_too_long(s: Memory, channel: int) -> int:

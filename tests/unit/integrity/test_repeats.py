@@ -165,3 +165,21 @@ def test_an_axis_that_stays_at_one_count_after_a_landing_is_not_stuck(dither):
     force = rng.normal(0.0, 30.0 * flown + 0.1, (n, 3)) + np.where(flown, 0.0, dither)
     bits = watched(np.arange(n) / 25.0, np.round(gyro) * GYRO_COUNT, np.round(force) * FORCE_COUNT)
     assert not bits.any()
+
+
+@pytest.mark.parametrize("gap_s", [0.5, 1.4])
+def test_a_gap_in_the_samples_is_no_time_in_which_they_repeated(gap_s):
+    """A stall of the link: the same values come some times before it and some times after it."""
+    t_s, gyro, force = stream(100, 400.0, 3.0, FLOATS)
+    gyro[39_000:39_008], force[39_000:39_008] = gyro[39_000], force[39_000]
+    t_s[39_004:] += gap_s
+    assert not watched(t_s, gyro, force).any()
+
+
+def test_a_frozen_imu_stays_frozen_over_a_gap():
+    t_s, gyro, force = stream(100, 40.0, 3.0, FLOATS)
+    gyro[3000:3200], force[3000:3200] = gyro[3000], force[3000]
+    t_s[3100:] += 1.4
+    bits = watched(t_s, gyro, force)
+    assert (bits[3050:3200] & GYRO_FROZEN).all()
+    assert not bits[3200:].any()
