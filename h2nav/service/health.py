@@ -30,6 +30,7 @@ SYSTEM_STATUS = {
 SILENT_IMU_NS = 500_000_000
 LOW_RATE_SHARE = 0.5
 LINK_DOWN = "link is down"
+NOT_HEARD = "heartbeat"
 
 
 class Objection(NamedTuple):
@@ -88,7 +89,7 @@ def judge(signs: Signs, t_ns: int) -> StateVerdict:
             ServiceState.NO_AUTOPILOT, "junk", "bytes, no MAVLink: wrong baud rate?"
         )
     if not signs.autopilot_known:
-        return StateVerdict(ServiceState.NO_AUTOPILOT, "heartbeat", "no autopilot heartbeat")
+        return StateVerdict(ServiceState.NO_AUTOPILOT, NOT_HEARD, "no autopilot heartbeat")
     if signs.last_sample_ns is None or t_ns - signs.last_sample_ns > SILENT_IMU_NS:
         return StateVerdict(ServiceState.NO_IMU, *signs.no_imu())
     if signs.last_gap_ns is not None and signs.last_gap_ns > SILENT_IMU_NS:

@@ -70,6 +70,10 @@ class Notices:
             self._waiting.append((severity, text))
         return [Notice(severity, text)]
 
+    def forget(self, cause: str) -> None:
+        """Lets this cause be reported again at once."""
+        self._reported_ns.pop(cause, None)
+
     def remind(self, texts: Iterable[tuple[Severity, str]]) -> None:
         """Sends texts to the ground station again, for a station that has just come."""
         if self._as_status_text:

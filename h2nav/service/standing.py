@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Severity
 from h2nav.service import health
 from h2nav.service.effects import Effect
-from h2nav.service.health import ServiceState, Signs, StateVerdict
+from h2nav.service.health import NOT_HEARD, ServiceState, Signs, StateVerdict
 from h2nav.service.notices import Notices
 
 GOOD = (ServiceState.ACTIVE, ServiceState.ALIGNING)
@@ -12,7 +12,8 @@ GOOD = (ServiceState.ACTIVE, ServiceState.ALIGNING)
 class Standing:
     """Judges the state, and reports each change of it or of its cause once.
 
-    A change that reverses within a minute is reported only if it lasts.
+    A change that reverses within a minute is reported only if it lasts; but an all-clear follows
+    each complaint at once.
 
     Attributes:
         verdict: the present state.
@@ -24,6 +25,7 @@ class Standing:
         self._reported = health.AT_START[:2]
         self.verdict: StateVerdict = health.AT_START
         self.lasted_ns: dict[str, int] = {}
+        self._has_heard = False  # an autopilot, since the start
         self._judged_ns: int | None = None
 
     @property
@@ -55,9 +57,14 @@ class Standing:
         if verdict[:2] == self._reported or (is_starting and verdict.state is ServiceState.NO_IMU):
             return []
         change = f"{self._reported} -> {verdict[:2]}"
+        if self.is_active:
+            self._notices.forget(change)
         if not self._notices.may_report(t_ns, change):
             return []
-        severity = Severity.INFO if verdict.state in GOOD else Severity.WARNING
+        self._has_heard |= verdict.state not in (ServiceState.NO_LINK, ServiceState.NO_AUTOPILOT)
+        # At a start the autopilot has not been heard yet.
+        is_first = verdict.cause == NOT_HEARD and not self._has_heard
+        severity = Severity.INFO if verdict.state in GOOD or is_first else Severity.WARNING
         reported = self._notices.report(t_ns, severity, verdict.text, change)
         if reported:
             self._reported = verdict[:2]

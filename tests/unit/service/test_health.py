@@ -1,5 +1,6 @@
 import pytest
 
+from h2nav.integrity.severity import Severity
 from h2nav.service.health import Objection, ServiceState, Signs, judge
 from h2nav.service.notices import Notices
 from h2nav.service.standing import Standing
@@ -104,3 +105,30 @@ def test_a_change_is_one_of_the_state_or_of_its_cause():
         for told in rounds
     ]
     assert changed == [True, False, True, False, True]
+
+
+def told(*rounds):
+    """The severities and texts of these signs, each half a second after the one before."""
+    standing, found = Standing(Notices(as_status_text=False)), []
+    for number, signs in enumerate(rounds):
+        t_ns = NOW_NS + 500 * MS_NS * number
+        standing.judge(t_ns, WELL._replace(last_sample_ns=t_ns, **signs))
+        notices = standing.report(t_ns, is_starting=False)
+        found.append([(notice.severity, notice.text) for notice in notices])
+    return found
+
+
+def test_an_all_clear_follows_each_complaint_at_once():
+    slow, late = ({"objections": (Objection(what, what),)} for what in ("slow", "late"))
+    found = told({}, slow, {}, slow, late, {}, late, {}, {})
+    texts = [[text for _, text in each] for each in found]
+    # A complaint comes once a minute, and then its all-clear.
+    expected = ["active", "degraded: slow", "active", None, "degraded: late", "active", None]
+    assert texts == [[text] if text else [] for text in (*expected, None, None)]
+
+
+def test_an_autopilot_that_has_not_been_heard_yet_is_no_warning():
+    silent = {"autopilot_known": False}
+    (first,), (_,), (again,) = told(silent, {}, silent)
+    assert first == (Severity.INFO, "no_autopilot: no autopilot heartbeat")
+    assert again == (Severity.WARNING, "no_autopilot: no autopilot heartbeat")
