@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 WAIT_S = 30.0
+# Daemons of tests share no socket.
+NO_FOLDER = "/nonexistent/runtime"
 H2NAV = [sys.executable, "-m", "h2nav"]
 
 
@@ -46,7 +48,7 @@ class DaemonProcess:
             [*program, "run", "--json", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, "XDG_RUNTIME_DIR": NO_FOLDER, **(environment or {})},
         )
         self.events: list[dict[str, Any]] = []
         self._buffer = b""

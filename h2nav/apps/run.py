@@ -12,6 +12,7 @@ from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
+from h2nav.host.runtime_folder import own_socket
 from h2nav.links.link_urls import FORMS
 
 USUAL_ADDRESS = "127.0.0.1:8080"
@@ -51,7 +52,10 @@ def run(args: argparse.Namespace) -> int:
         return 0
     chosen = _configuration(args)
     console = Console(events_as_json=args.json)
-    with StopSignals().installed() as stop, Session(chosen, console) as session:
+    with (
+        StopSignals().installed() as stop,
+        Session(chosen, console, own_socket=own_socket()) as session,
+    ):
         session.run(stop)
     return 0
 

@@ -15,6 +15,7 @@ from h2nav.apps.log_contents import attach_inputs, open_recorder
 from h2nav.apps.panel import LogSight, Sight
 from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
 from h2nav.attitude.native import backend
+from h2nav.errors import BadInput
 from h2nav.files.earth_field import earth_field_at
 from h2nav.host.host_clock import UnixClock
 from h2nav.host.service_manager import ServiceManager
@@ -42,6 +43,7 @@ class Session:
 
     Args:
         watcher: observes frames and estimates; by default the console.
+        own_socket: where events are published if the configuration names no socket, if possible.
 
     Raises:
         BadInput: a gain file or the signing key of the configuration is not usable, or a package
@@ -49,14 +51,18 @@ class Session:
     """
 
     def __init__(
-        self, configuration: Configuration, console: Console, watcher: Watcher | None = None
+        self,
+        configuration: Configuration,
+        console: Console,
+        watcher: Watcher | None = None,
+        own_socket: Path | None = None,
     ) -> None:
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
         signing = configuration.signing
         self._signing = LinkSigning(signing) if signing.key_file else None
         self._live = _live_view(configuration)
         self._console = console
-        self._events = _event_socket(configuration, console)
+        self._events = _event_socket(configuration, console, own_socket)
         self._let_in_ns = 0
         self._clock = UnixClock()
         unix_s = time.time()
@@ -161,13 +167,26 @@ def _live_view(configuration: Configuration) -> "LiveView | None":
     return LiveView(configuration)
 
 
-def _event_socket(configuration: Configuration, console: Console) -> "EventSocket | None":
-    """The event socket; None, and nothing is imported, if it is not configured."""
-    if not configuration.events.socket:
+def _event_socket(
+    configuration: Configuration, console: Console, own: Path | None
+) -> "EventSocket | None":
+    """The event socket: the configured one, or else our own; None, and nothing imported, if none.
+
+    Our own is only a convenience: another daemon may have it, or its folder may not be writable.
+    """
+    named = configuration.events.socket
+    if not named and own is None:
         return None
     from h2nav.links.event_socket import EventSocket
 
-    events = EventSocket(Path(configuration.events.socket))
+    try:
+        if not named and own is not None:
+            own.parent.mkdir(mode=0o700, exist_ok=True)
+        events = EventSocket(Path(named or own or ""))
+    except (BadInput, OSError):
+        if named:
+            raise
+        return None
     console.show_events(events.say)
     return events
 

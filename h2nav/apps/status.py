@@ -9,10 +9,9 @@ from typing import Any
 from h2nav.apps import configuration
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.host.runtime_folder import USUAL_SOCKET, own_socket
 from h2nav.service.health import ServiceState
 
-# The socket of the systemd unit.
-USUAL_SOCKET = Path("/run/h2nav/events")
 PATIENCE_S = 5.0
 
 
@@ -24,7 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     place = parser.add_mutually_exclusive_group()
     place.add_argument(
-        "--socket", type=Path, metavar="PATH", help=f"events.socket (default: {USUAL_SOCKET})"
+        "--socket",
+        type=Path,
+        metavar="PATH",
+        help=f"events.socket (default: of your own daemon, or {USUAL_SOCKET})",
     )
     place.add_argument(
         "-c", "--config", type=Path, metavar="CONFIG.yaml", help="configuration that names it"
@@ -45,11 +47,17 @@ def run(args: argparse.Namespace) -> int:
 
 def _socket(args: argparse.Namespace) -> Path:
     if args.config is None:
-        return args.socket or USUAL_SOCKET
+        return args.socket or _present_socket()
     named = configuration.read(args.config).events.socket
     if not named:
         raise BadInput(f"{args.config}: events.socket: empty; name one, such as {USUAL_SOCKET}")
     return Path(named)
+
+
+def _present_socket() -> Path:
+    """The socket of this user's daemon, or else of the service."""
+    own = own_socket()
+    return own if own is not None and own.exists() else USUAL_SOCKET
 
 
 def _asked(path: Path) -> dict[str, Any]:

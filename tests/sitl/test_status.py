@@ -1,6 +1,7 @@
 """``h2nav status`` asks the daemon that runs; what it says is what the panel shows."""
 
 import json
+import os
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,28 @@ def test_a_daemon_that_is_well_says_so_and_what_it_runs_on(tmp_path: Path) -> No
     check = Draft202012Validator(event_schema())
     check.validate({"event": "status", **document["status"]})
     check.validate({"event": "started", **document["started"]})
+
+
+def test_a_daemon_without_a_configured_socket_is_found(tmp_path: Path) -> None:
+    folder = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    url = f"udpin:127.0.0.1:{free_udp_port()}"
+    with daemon("--connect", url, environment=folder) as running:
+        running.wait_for(lambda event: event["event"] == "status")
+        shown = subprocess.run(
+            [*H2NAV, "status"],
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=False,
+            env={**os.environ, **folder},
+        )
+        # Another one at the same time has no socket, and runs all the same.
+        other = f"udpin:127.0.0.1:{free_udp_port()}"
+        with daemon("--connect", other, environment=folder) as second:
+            second.wait_for(lambda event: event["event"] == "status")
+    assert shown.returncode == 1, shown.stderr
+    assert f"on {url}" in shown.stdout
+    assert "no autopilot heartbeat" in shown.stdout
 
 
 def test_bytes_without_frames_ask_about_the_baud_rate(tmp_path: Path) -> None:
