@@ -38,6 +38,11 @@ class LogClock:
         self.start_us = int(self._t_us[0]) if len(self._t_us) else 0
         self.end_us = int(self._t_us[-1]) if len(self._t_us) else 0  # the last one
 
+    @property
+    def longest_pause_s(self) -> float:
+        """The longest time from one row to the next; 0 without two."""
+        return 1e-6 * float(np.diff(self._t_us).max(initial=0))
+
     def believes(self, places: Times, t_us: Times) -> Mask:
         """(N,) whether the times of rows agree with those of their neighbours in the file."""
         if not len(self._t_us):

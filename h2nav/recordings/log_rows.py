@@ -10,7 +10,7 @@ from h2nav.recordings.context import Array, Series, Span
 from h2nav.recordings.imu_series import Mask, Times
 from h2nav.recordings.log_clock import LogClock, in_order, is_running
 from h2nav.recordings.row_tables import LogTables, Table
-from h2nav.recordings.spans import silences, spans
+from h2nav.recordings.spans import MIN_SILENCE_S, silences, spans
 
 MOST_INSTANCES = 8
 FIX_AGE_US = 1_000_000
@@ -82,6 +82,8 @@ class Log(ABC):
 
     def silences(self) -> tuple[Span, ...]:
         """While no row of any kind was written."""
+        if self.clock.longest_pause_s <= MIN_SILENCE_S:
+            return ()
         named = (self.tables.find(name) for name in self.tables.names)
         times = (self._times(table) for table in named if table is not None)
         t_us = [one for one in times if one is not None]

@@ -14,6 +14,7 @@ import re
 import struct
 from array import array
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +30,7 @@ FILE_HEADER = struct.Struct("<7sBQ")
 HEADER_BYTES = 3
 # Of a data message: size, type, number of the subscription.
 DATA_HEADER_BYTES = 5
+DATA_HEADER = struct.Struct("<HBH")
 DATA, FORMAT, SUBSCRIPTION, PARAMETER, INFO, TEXT, TAGGED_TEXT, DROPOUT, FLAGS = b"DFAPILCOB"
 # Least and largest size of a message after its header, by type; all other types are invalid. Texts
 # and values are short: longer ones are damage.
@@ -70,7 +72,7 @@ LARGEST_ROW = 65_533
 APPENDED = 1  # flag: data were appended, at the given places
 FLAGS_BODY = struct.Struct("<8x8s3Q")
 # After damage this many bytes are searched at a time, at first and at last.
-LEAST_SEARCH, MOST_SEARCH = 1 << 13, 1 << 18
+LEAST_SEARCH, MOST_SEARCH = 1 << 10, 1 << 18
 NUMBERS = 1 << 16
 Bytes = NDArray[np.uint8]
 
@@ -141,6 +143,7 @@ class _Formats:
         self._fields: dict[str, tuple[ULogField, ...]] = {}
         self._padding: dict[str, int] = {}
         self._sizes: dict[str, int | None] = {}
+        self._rows: dict[str, np.dtype[np.void] | None] = {}
 
     def add(self, text: str) -> bool:
         """Adds ``name:type field;type[n] field;``; returns False if it is not valid."""
@@ -182,6 +185,11 @@ class _Formats:
 
     def row(self, name: str) -> np.dtype[np.void] | None:
         """A data message with its header; None if the format has too many columns."""
+        if name not in self._rows:
+            self._rows[name] = self._row(name)
+        return self._rows[name]
+
+    def _row(self, name: str) -> np.dtype[np.void] | None:
         columns: list[tuple[str, str, int]] = []
         size = self.size(name)
         if size is None or not self._unfold(name, "", DATA_HEADER_BYTES, columns):
@@ -221,12 +229,10 @@ class _Formats:
 
 
 class _Subscription(NamedTuple):
-    """A number of data messages: its topic, its size, and the places of the messages."""
+    """A number of data messages: its topic, and the places of the messages."""
 
     table: str
     topic: str
-    least: int
-    most: int
     places: "array[int]"
 
 
@@ -237,6 +243,13 @@ class _Chain:
         self._data = data
         self._formats = _Formats()
         self._subscriptions: dict[int, _Subscription] = {}
+        # By number: least and largest size, and what takes the place of a message.
+        self._takers: dict[int, tuple[int, int, Callable[[int], None]]] = {}
+        # By number of data, then by type of others.
+        self._least = np.ones(NUMBERS + 256, np.int64)
+        self._most = np.zeros(NUMBERS + 256, np.int64)
+        for kind, sizes in SIZES.items():
+            self._least[NUMBERS + kind], self._most[NUMBERS + kind] = sizes
         self._notes: Counter[str] = Counter()
         self._file = ULogFile(FILE_HEADER.unpack_from(data)[2], LogTables({}, {}), [], [], {})
         self._handlers = {
@@ -274,19 +287,15 @@ class _Chain:
 
     def _stretch(self, place: int, end: int) -> None:
         """Follows the chain between two places."""
-        data, subscriptions, handlers = self._data, self._subscriptions, self._handlers
+        data, handlers = self._data, self._handlers
         last = end - HEADER_BYTES
         while place <= last:
+            place = self._data_messages(place, end)
+            if place > last:
+                break
             size, kind = data[place] | data[place + 1] << 8, data[place + 2]
             following = place + HEADER_BYTES + size
-            if kind == DATA:
-                if size > 2 and following <= end:
-                    topic = subscriptions.get(data[place + 3] | data[place + 4] << 8)
-                    if topic is not None and topic.least <= size <= topic.most:
-                        topic.places.append(place)
-                        place = following
-                        continue
-            elif kind in SIZES and SIZES[kind][0] <= size <= SIZES[kind][1] and following <= end:
+            if kind != DATA and following <= end and self._may_be_message(place):
                 handler = handlers.get(kind)
                 if handler is not None:
                     handler(place, data[place + HEADER_BYTES : following])
@@ -299,6 +308,22 @@ class _Chain:
             place = found
         if place < end:
             self._notes["bytes that are no message"] += end - place
+
+    def _data_messages(self, place: int, end: int) -> int:
+        """Follows data messages, of which a file has by far the most; returns where they end."""
+        data, takers, header = self._data, self._takers, DATA_HEADER.unpack_from
+        last = end - DATA_HEADER_BYTES
+        while place <= last:
+            size, kind, number = header(data, place)
+            following = place + HEADER_BYTES + size
+            if kind != DATA or number not in takers or following > end:
+                break
+            least, most, take = takers[number]
+            if not least <= size <= most:
+                break
+            take(place)
+            place = following
+        return place
 
     def _may_be_message(self, place: int) -> bool:
         data = self._data
@@ -328,7 +353,7 @@ class _Chain:
         wide = block.astype(np.int64)
         size, kind = wide[:count] | wide[1 : count + 1] << 8, wide[2 : count + 2]
         number = wide[3 : count + 3] | wide[4 : count + 4] << 8
-        least, most = self._limits()
+        least, most = self._least, self._most
         is_data = kind == DATA
         place = np.where(is_data, number, NUMBERS + kind)
         good = (size >= least[place]) & (size <= most[place])
@@ -340,16 +365,6 @@ class _Chain:
         for _ in range(2):
             good = good & (ends_well | (~at_end & good[following]))
         return good
-
-    def _limits(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Least and largest sizes: of data by number, then of other messages by type."""
-        least = np.ones(NUMBERS + 256, np.int64)
-        most = np.zeros(NUMBERS + 256, np.int64)
-        for number, topic in self._subscriptions.items():
-            least[number], most[number] = topic.least, topic.most
-        for kind, (shortest, longest) in SIZES.items():
-            least[NUMBERS + kind], most[NUMBERS + kind] = shortest, longest
-        return least, most
 
     # --- messages that are no data --------------------------------------------------------------
 
@@ -364,9 +379,10 @@ class _Chain:
             self._notes["a subscription makes no sense"] += 1
             return
         padding = self._formats.padding(topic)
-        self._subscriptions[number] = _Subscription(
-            instance(topic, body[0]), topic, size + 2, size + padding + 2, array("q")
-        )
+        least, most, places = size + 2, size + padding + 2, array("q")
+        self._subscriptions[number] = _Subscription(instance(topic, body[0]), topic, places)
+        self._takers[number] = (least, most, places.append)
+        self._least[number], self._most[number] = least, most
 
     def _on_parameter(self, place: int, body: bytes) -> None:
         name, value = _keyed(body)
