@@ -33,11 +33,8 @@ class DataflashRows(Log):
     @staticmethod
     def times_of(table: Table) -> Times | None:
         """(N,) microseconds since boot; None if the rows have no times."""
-        if "TimeUS" in table:
-            return table.integers("TimeUS")
-        if table.name.startswith("GPS"):  # its TimeMS is that of the week
-            return table.integers("T") * 1000 if "T" in table else None
-        return table.integers("TimeMS") * 1000 if "TimeMS" in table else None
+        column, unit_us = _time_column(table)
+        return table.integers(column) * unit_us if column else None
 
     def _clock(self) -> LogClock:
         """That of the rows; until 2014 only GPS rows had a time, if any."""
@@ -46,7 +43,7 @@ class DataflashRows(Log):
             clock = self._substitute()
         named = (self.tables.find(name) for name in self.tables.names)
         tables = [table for table in named if table is not None and len(table)]
-        untimed = [table for table in tables if self.times_of(table) is None]
+        untimed = [table for table in tables if not _time_column(table)[0]]
         self.is_timed = 2 * sum(map(len, untimed)) < sum(map(len, tables))
         if self.is_timed or clock.end_us == clock.start_us:
             return clock
@@ -72,10 +69,11 @@ class DataflashRows(Log):
         Rows without a time get that of their place in the file.
         """
         table = self.tables.find(name, *columns)
-        if table is None:
-            return None
+        return None if table is None else self.kept(name, table, self._times_or_places)
+
+    def _times_or_places(self, table: Table) -> Times:
         times = self.times_of(table)
-        return self.kept(name, table, self.clock.between(table.places) if times is None else times)
+        return self.clock.between(table.places) if times is None else times
 
     def occasional(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
         """Like `find`, for occasional messages, which until 2015 had no time.
@@ -86,7 +84,7 @@ class DataflashRows(Log):
         table = self.tables.find(name, *columns)
         if table is None:
             return None
-        if self.times_of(table) is not None:
+        if _time_column(table)[0]:
             return self.find(name)
         times = (self.clock.after if begins else self.clock.at)(table.places)
         return self.believed(name, table, times)
@@ -108,3 +106,12 @@ class DataflashRows(Log):
             more = self.find(f"{name}{count}", *columns)
             if more is not None:
                 yield more._replace(number=count - 1)
+
+
+def _time_column(table: Table) -> tuple[str, int]:
+    """The column with the time since boot, and its unit in microseconds; empty if there is none."""
+    if "TimeUS" in table:
+        return "TimeUS", 1
+    # The TimeMS of GPS is that of the week.
+    name = "T" if table.name.startswith("GPS") else "TimeMS"
+    return (name, 1000) if name in table else ("", 0)

@@ -1,7 +1,7 @@
 """Rows of an autopilot's own log by name and instance, with plausible times."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -89,7 +89,9 @@ class Log(ABC):
         t_us = [one for one in times if one is not None]
         if not t_us:
             return ()
-        every_us = np.sort(np.concatenate(t_us)).clip(self.clock.start_us, self.clock.end_us)
+        every_us = np.sort(np.concatenate(t_us), kind="stable").clip(
+            self.clock.start_us, self.clock.end_us
+        )
         return silences(self.since_start(every_us))
 
     def _times(self, table: Table) -> Times | None:
@@ -97,10 +99,12 @@ class Log(ABC):
         times = self.times_of(table)
         return None if times is None else times[self.clock.believes(table.places, times)]
 
-    def kept(self, name: str, table: Table, times: Times, number: int = 0) -> Rows | None:
-        """The same as `believed` of a table's own times, looked at once."""
+    def kept(
+        self, name: str, table: Table, times_of: Callable[[Table], Times], number: int = 0
+    ) -> Rows | None:
+        """The same as `believed` of a whole table, looked at once."""
         if table.name not in self._kept:
-            self._kept[table.name] = self.believed(name, table, times, number)
+            self._kept[table.name] = self.believed(name, table, times_of(table), number)
         return self._kept[table.name]
 
     def believed(self, name: str, table: Table, times: Times, number: int = 0) -> Rows | None:

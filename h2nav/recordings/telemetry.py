@@ -177,7 +177,7 @@ def _of_sender(tables: Tables, beats: FrameTable | None) -> Tables:
 
 def _silent(tables: Tables, start_ns: int) -> tuple[Span, ...]:
     """While no message came that is read here."""
-    t_ns = np.sort(np.concatenate([table.t_ns for table in tables.values()]))
+    t_ns = np.sort(np.concatenate([table.t_ns for table in tables.values()]), kind="stable")
     return silences((t_ns - start_ns) * 1e-9)
 
 

@@ -25,7 +25,7 @@ class ULogRows(Log):
         table = self.tables.find(instance(topic, number), "timestamp", *columns)
         if table is None:
             return None
-        return self.kept(topic, table, table.integers("timestamp"), number)
+        return self.kept(topic, table, lambda one: one.integers("timestamp"), number)
 
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:
         """One per instance of a topic."""
