@@ -120,13 +120,15 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
         s.aided = sample.aided
         begin_bias(s, w, g)
     if sample.aided > 0.0:
-        # Only a measured velocity shows the heading: a bounded one is bounded in any direction.
-        s.dvelocity_n[3] = s.dvelocity_n[3] - east
-        s.dvelocity_e[3] = s.dvelocity_e[3] + north
+        # Only a measured velocity shows the heading: a bounded one is bounded in any direction. At
+        # rest nothing accelerates; what is felt then is a wrong tilt.
+        if s.rest_s < g.rest_time_s:
+            s.dvelocity_n[3] = s.dvelocity_n[3] - east
+            s.dvelocity_e[3] = s.dvelocity_e[3] + north
         s.gained_n = s.gained_n + north
         s.gained_e = s.gained_e + east
-        predict_accel(s, w, g, dt)
-        predict_offset(s, w, g, dt)
+        predict_shared(s, w, g, dt)
+        predict_accel(s, w, dt)
     s.velocity_n = s.velocity_n + north
     s.velocity_e = s.velocity_e + east
     wx = sample.gyro[0] - s.gyro_bias[0]
@@ -228,11 +230,14 @@ def begin_bias(s: State, w: Workspace, g: Gains) -> None:
         s.fix_lag_variance = g.fix_lag_variance
 
 
-def predict_accel(s: State, w: Workspace, g: Gains, dt: float) -> None:
-    """Propagates the accelerometer's bias and the latency over one step.
+def predict_shared(s: State, w: Workspace, g: Gains, dt: float) -> None:
+    """Propagates the covariances of what only measured velocities show over one step.
 
-    Source: docs/filter.md Eq. (34), (38).
+    They share the heading's error with theta: where theta's covariance is propagated, so are they.
+
+    Source: docs/filter.md Eq. (34), (36), (60).
     """
+    predict_offset(s, w, g, dt)
     dx = dt * w.r_nb[6]
     dy = dt * w.r_nb[7]
     dz = dt * w.r_nb[8]
@@ -249,6 +254,13 @@ def predict_accel(s: State, w: Workspace, g: Gains, dt: float) -> None:
         s.p_accel[2] = s.p_accel[2] + walk
     if s.fix_lag_variance < g.fix_lag_variance:
         s.fix_lag_variance = s.fix_lag_variance + g.fix_lag_walk * dt
+
+
+def predict_accel(s: State, w: Workspace, dt: float) -> None:
+    """Propagates the sensitivities to accelerometer bias and latency over one step.
+
+    Source: docs/filter.md Eq. (34), (38).
+    """
     for i in range(2):
         s.dvelocity_accel_n[i] = s.dvelocity_accel_n[i] + dt * (s.dtilt_accel_n[i] - w.r_nb[i])
         s.dvelocity_accel_e[i] = s.dvelocity_accel_e[i] + dt * (s.dtilt_accel_e[i] - w.r_nb[3 + i])

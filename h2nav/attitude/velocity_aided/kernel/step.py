@@ -6,7 +6,7 @@ Equations: docs/filter.md.
 from ..memory import FORCE_LOST, SATURATED, Gains, Sample, State, Workspace
 from .estimate import estimate
 from .heading import use_field
-from .prediction import LONGEST_STEP, predict_attitude, predict_velocity
+from .prediction import LONGEST_STEP, predict_attitude, predict_shared, predict_velocity
 from .rest import doubt_steps, use_rest
 from .theta import limit, predict_theta
 from .tilt import check_level, doubt_gap, doubt_rate, end_clipping
@@ -31,6 +31,8 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         if sample.clipped < FORCE_LOST:
             doubt_rate(s, sample)
         bits = SATURATED
+        if s.aided > 0.0:
+            predict_shared(s, w, g, dt)
     else:
         if s.clipped_s > 0.0:
             bits = end_clipping(s, w, g, sample)
