@@ -81,7 +81,8 @@ def _with_tracks(analysis: Analysis, evidence: Evidence) -> Analysis:
 def _misjudged(evidence: Evidence) -> list[Finding]:
     """Findings in flight that blame the autopilot or the receiver where our attitude is wrong."""
     in_flight, context = evidence.flight.findings, evidence.of(parts.unharmed)
-    track, best = evidence.of(parts.witness), evidence.of(parts.best)
+    track = evidence.of(parts.witness) or evidence.of(parts.soundest)
+    best = evidence.of(parts.best)
     rest, moves = parts.at_rest(evidence, track), evidence.of(parts.moves)
     found = list(misjudged(context, track, best, rest, in_flight))
     if track is None or best is None or moves is None or len(moves.t_s) < 2:

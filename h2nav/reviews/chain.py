@@ -1,8 +1,9 @@
 """Links causes and consequences, and separates findings about h2nav's own attitude.
 
-Three rules, in the order of time. What begins within seconds after an impact, or while the vehicle
-lies there, is its consequence. What comes before an impact or a loss of control, and can cause it,
-is its cause. And a sensor known to be wrong explains the findings derived from it.
+Three rules, in the order of time. What begins after an impact, until the vehicle is armed again, is
+its consequence, further impacts included. What comes before an impact or a loss of control, and can
+cause it, is its cause. And a sensor known to be wrong explains the findings derived from it. What
+can cause what is declared with each kind (`h2nav.reviews.subjects`).
 
 Findings about our own attitude stand apart: they are no fault of the vehicle.
 """
@@ -37,7 +38,7 @@ class Chain(NamedTuple):
 def chain(flight: Flight, analysis: Analysis) -> Chain:
     """Links causes and consequences."""
     found = list(all_findings(flight, analysis))
-    crashes = [one for one in found if one.kind is Kind.CRASH]
+    crashes = sorted((one for one in found if one.kind is Kind.CRASH), key=lambda one: one.from_s)
     linked = [_linked(one, found, crashes) for one in found]
     own = frozenset(one.id for one in linked if _is_own(one, linked, analysis))
     biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
@@ -67,6 +68,9 @@ def _linked(one: Finding, found: list[Finding], crashes: list[Finding]) -> Findi
 
 def _cause(one: Finding, found: list[Finding], crashes: list[Finding]) -> Finding | None:
     if one.kind is Kind.CRASH:
+        earlier = next((c for c in crashes if c.from_s < one.from_s <= c.to_s), None)
+        if earlier is not None:
+            return earlier
         lost = _latest(found, Kind.LOSS_OF_CONTROL, one.from_s, CONTROL_LEADS_S)
         return lost or _brought(one, found)
     if Trait.INDEPENDENT in KINDS[one.kind].traits:
@@ -76,7 +80,7 @@ def _cause(one: Finding, found: list[Finding], crashes: list[Finding]) -> Findin
         return after
     if one.kind is Kind.LOSS_OF_CONTROL:
         return _explained(one, found) or _brought(one, found)
-    return _upset(one, found, crashes) or _explained(one, found)
+    return _upset(one, found, crashes) or _explained(one, found) or _brought(one, found)
 
 
 def _follows_impact(one: Finding, crash: Finding) -> bool:
@@ -117,11 +121,9 @@ def _explained(one: Finding, found: list[Finding]) -> Finding | None:
 
 def _brought(one: Finding, found: list[Finding]) -> Finding | None:
     """The most certain cause that began, or went on, shortly before."""
-    for by, lead_s in KINDS[one.kind].brought:
-        known = _latest(found, by, one.from_s, lead_s)
-        if known is not None and known.severity <= Severity.WARNING:
-            return known
-    return None
+    serious = [other for other in found if other.severity <= Severity.WARNING]
+    known = (_latest(serious, by, one.from_s, s) for by, s in KINDS[one.kind].brought)
+    return next((other for other in known if other is not None), None)
 
 
 def _latest(found: Iterable[Finding], kind: AnyKind, t_s: float, lead_s: float) -> Finding | None:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from enum import Flag, auto
 from typing import Any, NamedTuple, TypeVar
 
-from h2nav.integrity.findings import Finding
+from h2nav.integrity.findings import Finding, Kind
 from h2nav.integrity.kinds import AnyKind, Meaning
 from h2nav.reviews.flight import Flight
 
@@ -20,6 +20,16 @@ Value = TypeVar("Value")
 
 # A failure this shortly before a loss of control or a crash caused it; a motor sooner.
 LEADS_S, MOTOR_LEADS_S = 12.0, 5.0
+# A vehicle whose height is wrong climbs before it falls.
+HEIGHT_LEADS_S = 60.0
+# The sensors' failures that can do so, most certain first.
+FAILED_SENSORS = (
+    Kind.GYRO_FROZEN,
+    Kind.IMU_FROZEN,
+    Kind.AXIS_STUCK,
+    Kind.ACCELEROMETER_FROZEN,
+    Kind.GYRO_BIAS_STEP,
+)
 
 
 class Trait(Flag):

@@ -9,7 +9,7 @@ from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import Evidence
 from h2nav.reviews.force_steps import look_at_force_steps
-from h2nav.reviews.impacts import Bins, Impact, binned, impacts
+from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
 from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
 from h2nav.reviews.receiver import delay_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
@@ -17,6 +17,7 @@ from h2nav.reviews.sensor_bias import look_at_biases, measuring
 from h2nav.reviews.standstill import NEVER, Rest, rest_of
 from h2nav.reviews.timing import pauses
 from h2nav.reviews.tracks import Bias
+from h2nav.reviews.vertical import Climb, Contact, climbs, contacts
 
 # Recordings of streams, whose messages arrive at rhythms of their own.
 TELEMETRY = ("tlog", "mcap")
@@ -24,6 +25,9 @@ TELEMETRY = ("tlog", "mcap")
 WITHOUT_TIMES = "bytes"
 # Attitudes are not judged while the vehicle turns over on its way to the ground.
 BEFORE_IMPACT_S = 2.0
+FLOWN_S = 2.0
+# Filters smear an impact over the values just before it.
+JUST_BEFORE_S = 0.3
 
 
 # --- the recording ------------------------------------------------------------------------------
@@ -120,10 +124,37 @@ def bins(evidence: Evidence) -> Bins | None:
     return None if track is None else binned(track, evidence.of(recorded))
 
 
+def vertical(evidence: Evidence) -> tuple[Climb, ...]:
+    """The vertical speed by every source."""
+    return climbs(evidence.of(recorded)) if evidence.of(has_times) else ()
+
+
+def met(evidence: Evidence) -> list[Contact]:
+    """The ends of descents within tenths of a second, at the ground or not."""
+    return contacts(evidence.of(vertical), evidence.of(recorded))
+
+
 def blows(evidence: Evidence) -> tuple[Impact, ...]:
     """Crashes and hard landings, in order."""
-    track = _soundest_as_recorded(evidence)
-    return () if track is None else tuple(impacts(track, evidence.of(recorded)))
+    track, binned_ = _soundest_as_recorded(evidence), evidence.of(bins)
+    if track is None or binned_ is None:
+        return ()
+    context = evidence.of(recorded)
+    return with_contacts(impacts(track, context), evidence.of(met), binned_, context)
+
+
+def rate_hz(evidence: Evidence) -> float:
+    """Samples a second of the quickest IMU."""
+    tracks = evidence.of(sampled)
+    return max((1.0 / max(float(np.median(np.diff(t.t_s))), 1e-4) for t in tracks), default=0.0)
+
+
+def flown(evidence: Evidence) -> bool:
+    """Whether the motors carried it for seconds, moving as nothing on the ground does."""
+    found = evidence.of(bins)
+    if found is None:
+        return False
+    return float(in_flight(found, evidence.of(recorded), ()).sum()) * BIN_S >= FLOWN_S
 
 
 def crashes(evidence: Evidence) -> list[Impact]:
@@ -179,12 +210,12 @@ def force_steps(evidence: Evidence) -> list[Finding]:
 
 
 def witness(evidence: Evidence) -> ImuTrack | None:
-    """The IMU that judges receivers and attitudes: a wrong accelerometer must not."""
+    """The IMU that judges receivers: a wrong accelerometer must not; None if all are accused."""
     track, tracks = evidence.of(soundest), evidence.of(alive)
     wrong = {number for step in evidence.of(force_steps) for number in step.sensor.numbers}
     if track is None or len(tracks) < 2 or track.imu + 1 not in wrong:
         return track
-    return next((one for one in tracks if one.imu + 1 not in wrong), track)
+    return next((one for one in tracks if one.imu + 1 not in wrong), None)
 
 
 def is_reported(evidence: Evidence, kind: Kind, imu: int) -> bool:

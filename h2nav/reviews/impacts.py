@@ -18,6 +18,7 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
+from h2nav.reviews.vertical import Contact
 
 BIN_S = 0.1
 # A vehicle at rest on its side: the direction of the force stays within, and its size near gravity,
@@ -50,6 +51,11 @@ AGAIN_S, AGAIN_FOR_S = 5.0, 2.0
 APART_S = 10.0
 # Motors also run on a bench: a flying vehicle never keeps as still.
 MOVING_RAD_S, MOVING_BINS = 1.0 * DEG, 10
+# A fall from 2 m: landing gear is made for one of half a metre (3 m/s). The ground ends it, if a
+# thrust of 2.5 times the weight could not.
+CRASH_M_S, GROUND_M_S2 = 6.3, 1.5 * GRAVITY_M_S2
+# A blow and the end of a descent this close together are one.
+SAME_S = 2.0
 # The autopilot's crash check triggers within this time of a crash.
 CHECKED_S, CRASH_CHECK = 15.0, re.compile(r"crash", re.IGNORECASE)
 # Output left when it is disarmed.
@@ -66,8 +72,11 @@ class Impact(NamedTuple):
     tilt_rad: float  # final tilt relative to the position before take-off; NaN if unknown
     turned_rad: float  # rotation in the two seconds before
     turned_s: float  # time of half a right angle
-    # it ended on its side or back, or had turned over before; otherwise a hard landing
+    # it ended on its side or back, had turned over before, or met the ground faster than any
+    # landing; otherwise a hard landing
     is_crash: bool
+    speed_m_s: float = np.nan  # of the descent that it ended; NaN if unknown
+    shown_by: tuple[str, ...] = ()  # the sources of that speed
 
 
 class Bins(NamedTuple):
@@ -105,6 +114,60 @@ def impacts(track: ImuTrack, context: Context) -> list[Impact]:
         part = (bins.t_s >= span.from_s) & (bins.t_s < end_s)
         found += _in_span(bins.part(part), stood, span, context)
     return found
+
+
+def with_contacts(
+    found: Sequence[Impact], met: Sequence[Contact], bins: Bins, context: Context
+) -> tuple[Impact, ...]:
+    """The impacts by force, with the descents that ended there, and those that force missed.
+
+    A log of 25 samples a second shows no blow.
+    """
+    seen = []
+    for blow in found:
+        near = [one for one in met if abs(one.t_s - blow.t_s) < SAME_S and one.shown_by]
+        fastest = max(near, key=lambda one: one.speed_m_s, default=None)
+        if fastest is None:
+            seen.append(blow)
+            continue
+        is_crash = blow.is_crash or _is_crash(fastest, 1)
+        speed, sources = fastest.speed_m_s, fastest.shown_by
+        seen.append(blow._replace(speed_m_s=speed, shown_by=sources, is_crash=is_crash))
+    stood = _standing(bins, context.armed)
+    for contact in met:
+        is_known = any(abs(contact.t_s - blow.t_s) < SAME_S for blow in seen)
+        if is_known or not _is_crash(contact, 2):
+            continue
+        span = next((one for one in context.armed if one.from_s <= contact.t_s <= one.to_s), None)
+        if span is not None:
+            seen.append(_of_contact(bins, contact, stood, span))
+    return tuple(sorted(seen, key=lambda one: one.t_s))
+
+
+def _of_contact(bins: Bins, contact: Contact, stood: Array, span: Span) -> Impact:
+    near = np.abs(bins.t_s - contact.t_s) < BLOW_S
+    after = (bins.t_s >= contact.t_s) & (bins.t_s < contact.t_s + TOPPLED_S)
+    rests = np.flatnonzero(after & _steady(bins))
+    place = int(np.searchsorted(bins.t_s, contact.t_s).clip(max=len(bins.t_s) - 1))
+    turned, turned_s = _turned(bins, place)
+    return Impact(
+        contact.t_s,
+        float(span.to_s),
+        float(bins.peak_g[near].max(initial=0.0)),
+        float(bins.peak_rad_s[near].max(initial=0.0)),
+        float(_angle(bins.f_b[rests[-1:]], stood)[0]) if len(rests) else float("nan"),
+        turned,
+        turned_s,
+        is_crash=True,
+        speed_m_s=contact.speed_m_s,
+        shown_by=contact.shown_by,
+    )
+
+
+def _is_crash(contact: Contact, sources: int) -> bool:
+    """Whether so many sources show that it met the ground faster than any landing."""
+    is_shown = len(contact.shown_by) >= sources
+    return is_shown and contact.speed_m_s > CRASH_M_S and contact.stop_m_s2 > GROUND_M_S2
 
 
 def binned(track: ImuTrack, context: Context) -> Bins:
@@ -382,7 +445,11 @@ def _finding(impact: Impact) -> Finding:
         lay = f"it came to lie {impact.tilt_rad / DEG:.0f} deg from how it had stood"
     if impact.turned_rad > TURNED_RAD:
         lay = f"it had turned over by {impact.turned_rad / DEG:.0f} deg before, and {lay}"
-    text = f"{'crashed' if impact.is_crash else 'landed hard'}: {impact.peak_g:.1f} g"
+    size = f"{impact.peak_g:.1f} g"
+    if np.isfinite(impact.speed_m_s):
+        size = f"at {impact.speed_m_s:.1f} m/s, {size}"
+        lay = f"{' and '.join(impact.shown_by)} show the descent until then; {lay}"
+    text = f"{'crashed' if impact.is_crash else 'landed hard'}: {size}"
     return Finding(
         Kind.CRASH if impact.is_crash else Kind.HARD_LANDING,
         Sensor(SensorKind.VEHICLE),

@@ -16,7 +16,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ChangedSetting, Context, Motors
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
-from h2nav.reviews.inertial import Mask, runs
+from h2nav.reviews.inertial import Mask, joined, runs
 
 # Level flight, where the outputs are steady: this much of it in total.
 LEVEL_RAD, QUIET_RAD_S = 20.0 * DEG, 60.0 * DEG
@@ -33,6 +33,8 @@ LIMIT_SHARE, LIMIT_S, LONG_LIMIT_S, LEADS_S = 0.985, 0.5, 1.0, 10.0
 ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
 ALONE_S = 0.3
 FALLEN_G = 0.85
+# A weak motor is at its limit alone, the next one below this, for this long; the vehicle sinks.
+NEAR_LIMIT_SHARE, WEAK_S, SINKS_M_S = 0.9, 2.0, 0.5
 THRUST_LOSS = re.compile(r"thrust loss \((\d+)\)", re.IGNORECASE)
 FUNCTION = re.compile(r"SERVO\d+_FUNCTION|PWM_(MAIN|AUX)_FUNC\d+")
 MOTOR_FUNCTIONS = {*range(33, 41), *range(82, 86), *range(101, 113)}
@@ -60,9 +62,11 @@ def look_at_motors(bins: Bins, context: Context, impacts: Sequence[Impact]) -> l
         return []
     outputs = _outputs(bins, motors, context, impacts)
     failed = _failed(outputs, motors, context)
+    numbers = {finding.sensor.number for finding in failed}
     since_s = min((finding.from_s for finding in failed), default=np.inf)
     sound = outputs._replace(flies=outputs.flies & (bins.t_s < since_s))
-    return [*failed, *_uneven(sound, motors), *_saturated(outputs, motors, failed, impacts)]
+    uneven = [one for one in _uneven(sound, motors) if one.sensor.number not in numbers]
+    return [*failed, *uneven, *_saturated(outputs, motors, failed, impacts)]
 
 
 def _outputs(
@@ -194,15 +198,14 @@ def _at_limit(
 
 
 def _failed(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Finding]:
-    """Motors switched off by a setting, reported by the autopilot, or driven in vain."""
+    """Motors switched off by a setting, driven in vain, too weak, or reported by the autopilot."""
     found = [
         finding
         for change in context.changes
         if (finding := _switched_off(change, outputs)) is not None
     ]
-    if not found:
-        found = _reported(context, outputs)
-    return found or _in_vain(outputs, motors)
+    found = found or _in_vain(outputs, motors) or _weak(outputs, motors, context)
+    return found or _reported(context, outputs, motors)
 
 
 def _switched_off(change: ChangedSetting, outputs: MotorOutputs) -> Finding | None:
@@ -227,15 +230,56 @@ def _motor_of(function: int) -> int:
     return function - first + 1
 
 
-def _reported(context: Context, outputs: MotorOutputs) -> list[Finding]:
-    """ArduPilot's check for a motor at full thrust while the vehicle sinks."""
+def _reported(context: Context, outputs: MotorOutputs, motors: Motors) -> list[Finding]:
+    """ArduPilot's check for a motor at full thrust while the vehicle sinks.
+
+    It names the first motor at its limit, whatever the reason; so that one has to be there alone.
+    """
     for said in context.said:
         known = THRUST_LOSS.search(said.text)
+        if not known or int(known[1]) not in motors.numbers:
+            continue
+        number = int(known[1])
         near = np.abs(outputs.bins.t_s - said.t_s) < BEFORE_S
-        if known and outputs.flies[near].any():
-            number = int(known[1])
+        near &= outputs.flies & _alone(outputs.share, motors.numbers.index(number))
+        if near.any():
             text = f"motor {number} lost its thrust"
             return [_failure(number, said.t_s, said.t_s, text, f"the autopilot said {said.text!r}")]
+    return []
+
+
+def _alone(share: Array, column: int) -> Mask:
+    """(N,) whether one motor is at its limit and no other is near it."""
+    others = np.delete(share, column, axis=1).max(axis=1, initial=0.0)
+    alone: Mask = (share[:, column] > LIMIT_SHARE) & (others < NEAR_LIMIT_SHARE)
+    return alone
+
+
+def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Finding]:
+    """One motor alone at its limit for seconds, the others far from it, while the vehicle sinks."""
+    t_s = outputs.bins.t_s
+    if context.climb_m_s is None or len(context.climb_m_s.t_s) < 2 or len(motors.numbers) < 3:
+        return []
+    climb = np.interp(t_s, context.climb_m_s.t_s, context.climb_m_s.values)
+    for column, number in enumerate(motors.numbers):
+        pieces = runs(_alone(outputs.share, column) & outputs.flies)
+        for first, last in joined(pieces, t_s, BEFORE_S):
+            part = slice(first, last + 1)
+            sinks = -float(np.median(climb[part]))
+            if t_s[last] - t_s[first] < WEAK_S or sinks < SINKS_M_S:
+                continue
+            others = np.delete(outputs.share[part], column, axis=1)
+            return [
+                _failure(
+                    number,
+                    float(t_s[first]),
+                    float(t_s[last]),
+                    f"motor {number} gave too little thrust",
+                    f"alone at full output for {t_s[last] - t_s[first]:.1f} s, the others at "
+                    f"{float(others.mean()):.0%} of their range, while the vehicle sank at "
+                    f"{sinks:.1f} m/s",
+                )
+            ]
     return []
 
 

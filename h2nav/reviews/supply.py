@@ -29,9 +29,7 @@ def _counts(context: Context, t_s: float) -> bool:
     return any(span.from_s - AROUND_S <= t_s <= span.to_s + 1.0 for span in context.armed)
 
 
-def _reported(
-    context: Context, subsystem: str, pattern: re.Pattern[str]
-) -> list[tuple[float, str]]:
+def reported(context: Context, subsystem: str, pattern: re.Pattern[str]) -> list[tuple[float, str]]:
     """Times of the autopilot's reports, by number or in words."""
     found = [
         (fault.t_s, fault.text)
@@ -48,7 +46,7 @@ def _reported(
 
 def look_at_battery(context: Context) -> list[Finding]:
     """Reports and voltages of the battery while armed."""
-    reports = _reported(context, "battery", BATTERY)
+    reports = reported(context, "battery", BATTERY)
     low = _below_limit(context)
     if not reports and low is None:
         return []
@@ -105,7 +103,7 @@ def _below_limit(context: Context) -> tuple[float, float, str] | None:
 
 def look_at_barometer(context: Context) -> list[Finding]:
     """Reports and jumps of the barometer while armed."""
-    reports = _reported(context, "barometer", BARO)
+    reports = reported(context, "barometer", BARO)
     jumps = _jumps(context)
     if not reports and jumps is None:
         return []

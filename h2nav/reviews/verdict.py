@@ -1,5 +1,6 @@
 """The verdict on a flight in one to four sentences, from the chain of findings."""
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +13,11 @@ from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.declared import Trait
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
 from h2nav.reviews.motors import LIMIT_SHARE
 from h2nav.reviews.subjects import KINDS
+from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
 # Findings this close to a time belong to it.
 NEAR_S = 1.5
@@ -38,6 +41,12 @@ ON_THE_GROUND = (
 HEIGHT_S, HIGH_M, SINKS_M_S, FEWEST_HEIGHTS = 1.0, 3.0, 2.0, 10
 # A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
+# A slower touchdown is no part of the sentence.
+SLOW_M_S = 2.0
+A_TIME = re.compile(r"(at|from) \d+ s")
+
+
+SOUND = "Sensors and estimators were sound until then."
 
 
 class FlightVerdict(NamedTuple):
@@ -54,19 +63,21 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     Args:
         links: the findings, causes before consequences.
     """
-    looked, missing = _looked_at(flight, analysis)
     of_vehicle = [one for one in links.findings if one.id not in links.own]
     crashes = sorted(
         (one for one in of_vehicle if one.kind is Kind.CRASH), key=lambda one: one.from_s
     )
     lost = [one for one in of_vehicle if one.kind is Kind.LOSS_OF_CONTROL and one.cause is None]
+    missing = tuple(f"{name} ({why})" for name, why in analysis.blind)
     if crashes:
         text = _crashed(flight, analysis, crashes, of_vehicle)
     elif lost:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
-        text = _flown(of_vehicle, _ending(flight.context), looked, missing)
-    return FlightVerdict(text, looked, missing)
+        text = _flown(of_vehicle, _ending(flight.context), analysis.looked_at, bool(missing))
+    if missing:
+        text += f" Not looked at: {', '.join(missing)}."
+    return FlightVerdict(text, analysis.looked_at, missing)
 
 
 # --- a crash ------------------------------------------------------------------------------------
@@ -76,21 +87,66 @@ def _crashed(
     flight: Flight, analysis: Analysis, crashes: list[Finding], found: list[Finding]
 ) -> str:
     """Where and how it ended, what led to it, and what was wrong before."""
-    context, first = flight.context, crashes[0]
-    before = [_before(context, one, found) for one in crashes]
-    if len(crashes) == 1:
-        when = " on take-off" if _takes_off(context, first.from_s) else ""
-        parts = [f"Crashed{when} at {first.from_s:.0f} s{_lay(first, analysis)}.", before[0]]
-    else:
-        times = ", ".join(f"{one.from_s:.0f}" for one in crashes[:-1])
-        parts = [f"Crashed at {times} and {crashes[-1].from_s:.0f} s."]
-        parts += [
-            f"At {one.from_s:.0f} s: {_lower(said)}"
-            for one, said in zip(crashes, before, strict=True)
-            if said
-        ]
-    parts.append(_until(first, found))
+    context = flight.context
+    numbers = {one.id for one in crashes}
+    # One that follows another in the same flight is its consequence.
+    first_ones = [one for one in crashes if one.cause not in numbers]
+    parts = [_crash(context, analysis, one, found) for one in first_ones]
+    if len(first_ones) == 1 and len(crashes) > 1:
+        times = ", ".join(f"{one.from_s:.0f}" for one in crashes[1:])
+        parts.append(f"It met the ground again at {times} s.")
+    known = _path(first_ones[0], found)
+    rest = [one for one in found if one not in known]
+    until = _until(first_ones[0], rest)
+    by_hand = bool(known) and known[0].kind == FLOWN_INTO_GROUND
+    parts.append("Nothing else was found wrong." if by_hand and until == SOUND else until)
     return " ".join(part for part in parts if part)
+
+
+def _crash(context: Context, analysis: Analysis, crash: Finding, found: list[Finding]) -> str:
+    """What began it, what followed, and the crash, in the order of time."""
+    end = f"crashed{_when(context, crash)} at {crash.from_s:.0f} s{_speed(crash, analysis)}"
+    end += _lay(crash, analysis)
+    chained = _path(crash, found)
+    if not chained or chained[0].kind is Kind.MOTOR_SATURATED:
+        return f"{end[:1].upper()}{end[1:]}. {_before(context, crash, found)}".strip()
+    root = chained[0]
+    if root.kind is Kind.LOSS_OF_CONTROL:
+        return f"{end[:1].upper()}{end[1:]}. {_before(context, crash, found)}"
+    begin = _phrase(root)
+    if root.kind == FLOWN_INTO_GROUND:
+        return f"{begin[:1].upper()}{begin[1:]}{end.removeprefix('crashed')}."
+    if not A_TIME.search(begin):
+        begin += f" at {root.from_s:.0f} s"
+    between = [
+        "control was lost" if one.kind is Kind.LOSS_OF_CONTROL else _phrase(one)
+        for one in chained[1:]
+        if one.kind in (Kind.LOSS_OF_CONTROL, HEIGHT_LOST)
+    ]
+    text = ", then ".join([begin, *between, f"it {end}"])
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _path(crash: Finding, found: list[Finding]) -> list[Finding]:
+    """The chain of causes of a crash, the first one first."""
+    by_id = {one.id: one for one in found}
+    path: list[Finding] = []
+    cause = by_id.get(crash.cause or "")
+    while cause is not None and cause not in path:
+        path.insert(0, cause)
+        cause = by_id.get(cause.cause or "")
+    return [one for one in path if one.kind is not Kind.CRASH]
+
+
+def _when(context: Context, crash: Finding) -> str:
+    return " on take-off" if _takes_off(context, crash.from_s) else ""
+
+
+def _speed(crash: Finding, analysis: Analysis) -> str:
+    """The vertical speed of the impact, if it is known."""
+    speeds = [one.speed_m_s for one in analysis.impacts if one.t_s == crash.from_s]
+    is_known = bool(speeds) and np.isfinite(speeds[0])
+    return f" with {speeds[0]:.0f} m/s" if is_known and speeds[0] > SLOW_M_S else ""
 
 
 def _takes_off(context: Context, t_s: float) -> bool:
@@ -116,19 +172,12 @@ def _lower(text: str) -> str:
 
 
 def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
-    """What led to a crash: loss of control, a motor, or a blow without either."""
-    causes = {one.id: one for one in found}
-    lost = causes.get(crash.cause or "")
-    if lost is None or lost.kind is Kind.MOTOR_SATURATED:
+    """How control was lost, or that it was not."""
+    lost = next((one for one in found if one.id == crash.cause), None)
+    if lost is None or lost.kind is not Kind.LOSS_OF_CONTROL:
         followed = "Until the blow it followed its demand" if context.demand is not None else ""
         return _state(context, crash.from_s - 1.0, followed)
-    if lost.kind is not Kind.LOSS_OF_CONTROL:
-        return _sentence(lost)
-    root = causes.get(lost.cause or "")
-    said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
-    if root is None or root.kind in (Kind.CRASH, Kind.MOTOR_SATURATED):
-        return said
-    return f"{_sentence(root)} {said}"
+    return _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
 
 
 def _at(one: Finding) -> str:
@@ -181,7 +230,7 @@ def _until(crash: Finding, found: list[Finding]) -> str:
         parts += [_phrase(one) for one in estimators]
     unique = list(dict.fromkeys(parts))[:MOST_SENSORS]
     if not unique:
-        return "Sensors and estimators were sound until then."
+        return SOUND
     return f"Before that, {_listed(unique)}."
 
 
@@ -193,9 +242,7 @@ def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
     return f"{said} {_until(lost, found)}"
 
 
-def _flown(
-    found: list[Finding], ending: str, looked: tuple[str, ...], missing: tuple[str, ...]
-) -> str:
+def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind: bool) -> str:
     """The worst findings, each once; or that nothing was found."""
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if not _has(one, Trait.ABOUT_RECORDING)] or serious
@@ -210,7 +257,7 @@ def _flown(
             (one.kind, one.sensor if _has(one, Trait.EACH) else None): one for one in serious[::-1]
         }
         kept = [one for one in serious if one in firsts.values()]
-        parts = list(dict.fromkeys(_phrase(one) for one in kept))
+        parts = list(dict.fromkeys(_phrase(one) + _lacking(one, found) for one in kept))
         shown = _listed(parts[:MOST_SENSORS])
         more = len(parts) - MOST_SENSORS
         rest = f", and {more} more" if more > 0 else ""
@@ -220,11 +267,17 @@ def _flown(
         return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"
     if not looked:
         return "Nothing was found wrong in what could be looked at."
-    text = f"Nothing was found wrong.{ending}"
-    text += f" Looked at: {', '.join(looked)}."
-    if missing:
-        text += f" Not looked at: {', '.join(missing)}."
-    return text
+    begin = "Nothing was found wrong"
+    if is_blind:
+        begin += " in what could be looked at"
+    return f"{begin}.{ending} Looked at: {', '.join(looked)}."
+
+
+def _lacking(one: Finding, found: list[Finding]) -> str:
+    """What a battery led to, if motors met their limit for it."""
+    limits = (each for each in found if each.kind is Kind.MOTOR_SATURATED)
+    is_so = one.kind is Kind.BATTERY and any(each.cause == one.id for each in limits)
+    return ", then thrust was lacking" if is_so else ""
 
 
 def _ending(context: Context) -> str:
@@ -248,11 +301,6 @@ def _ending(context: Context) -> str:
     return f" The log ends in the air, {above_m:.0f} m above where it began{how}."
 
 
-def _sentence(one: Finding) -> str:
-    phrase = _phrase(one)
-    return f"{phrase[:1].upper()}{phrase[1:]} at {one.from_s:.0f} s."
-
-
 def _phrase(one: Finding) -> str:
     """A finding in the middle of a sentence."""
     phrase = KINDS[one.kind].phrase
@@ -267,22 +315,3 @@ def _has(one: Finding, trait: Trait) -> bool:
 
 def _listed(parts: list[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
-
-
-def _looked_at(flight: Flight, analysis: Analysis) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The checked subjects, and those that were not recorded."""
-    context = flight.context
-    both = {
-        "crash and landing": (bool(context.imus and context.armed), ""),
-        "attitude against its demand": (context.demand is not None, "no demands"),
-        "motors": (context.motors is not None, "no motor outputs"),
-        "IMUs": (bool(context.imus), "no IMU"),
-        "compasses": (bool(analysis.fields or context.compass_rows), "no compass"),
-        "GPS": (any(gps.has_fix.any() for gps in context.gps), "no GPS fix"),
-        "vibration": (bool(analysis.vibrations), ""),
-        "battery": (bool(context.batteries), "no battery"),
-        "the autopilot's estimators": (bool(context.attitudes), "no attitude of the autopilot"),
-    }
-    looked = tuple(name for name, (is_so, _) in both.items() if is_so)
-    missing = tuple(why for is_so, why in both.values() if not is_so and why)
-    return looked, missing

@@ -13,7 +13,13 @@ from h2nav.reviews.declared import Declared, Subject
 def _subjects() -> tuple[Subject, ...]:
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
     modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
-    return tuple(module.SUBJECT for module in modules if hasattr(module, "SUBJECT"))
+    found = [module.SUBJECT for module in modules if hasattr(module, "SUBJECT")]
+    return tuple(sorted(found, key=_worst))
+
+
+def _worst(subject: Subject) -> tuple[int, str]:
+    """What can be worst is named first."""
+    return min(one.meaning.worst for one in subject.kinds), subject.name
 
 
 SUBJECTS = _subjects()

@@ -3,7 +3,8 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import LEADS_S, Brought, Declared, Evidence, Subject, Trait
+from h2nav.reviews.heights import HEIGHT_LOST, heights, look_at_heights
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.supply import look_at_barometer
 
@@ -17,16 +18,53 @@ KINDS = (
             "The barometer's height is not the height of the vehicle.",
             "Foam over the barometer, its wiring and bus, and the propellers' wash.",
         ),
-        phrase="the barometer failed",
+        phrase=lambda one: one.text if one.size else "the barometer failed",
         traits=Trait.UPSET,
-        shown_by="as `battery`",
+        shown_by="the autopilot's reports; leaps; a step, or a drift, that the receiver's altitude "
+        "and vertical velocity (without a receiver: the estimator) do not show",
+        limit=(
+            "30 m at once; a step of 8 m against two, 25 m against the estimator alone; a drift "
+            "of 25 m for 10 s"
+        ),
+    ),
+    Declared(
+        HEIGHT_LOST,
+        Meaning(
+            (SensorKind.ESTIMATOR,),
+            Severity.WARNING,
+            "m",
+            "The autopilot's own height was far from what barometer and GPS measured.",
+            "Vibration and clipping first: they turn the accelerometer's integral into a climb.",
+        ),
+        phrase=lambda one: f"{one.text} from {one.from_s:.0f} s on",
+        brought=tuple(
+            Brought(kind, LEADS_S)
+            for kind in (
+                Kind.VIBRATION,
+                Kind.CLIPPING,
+                Kind.CLIPPED_SAMPLES,
+                Kind.VIBRATION_LEVEL,
+                Kind.BARO,
+            )
+        ),
+        shown_by=(
+            "its height against the barometer's, while the receiver's altitude agrees with that"
+        ),
+        limit="5 m for 1 s",
     ),
 )
 
 
 def look(evidence: Evidence) -> list[Finding]:
-    """See `supply`."""
-    return look_at_barometer(evidence.of(parts.recorded))
+    """See `supply` and `heights`."""
+    found = look_at_barometer(evidence.of(parts.recorded))
+    context = evidence.of(parts.unharmed)
+    known = heights(context, evidence.of(parts.vertical))
+    if known is None:
+        return found
+    shown = look_at_heights(known, context)
+    # What the heights show says more than a report of it.
+    return [*shown, *(one for one in found if one.kind not in {each.kind for each in shown})]
 
 
-SUBJECT = Subject("barometer", KINDS, (needs.times,), look)
+SUBJECT = Subject("barometer", KINDS, (needs.times, needs.barometer), look)

@@ -17,7 +17,9 @@ KINDS = (
             "The battery could not hold its voltage, or the autopilot said that it is low.",
             "The battery's age and charge, its plugs and wires, and the calibration of the sensor.",
         ),
-        phrase="the battery was low",
+        phrase=lambda one: (
+            f"the battery was low ({one.size:.1f} V)" if one.size else "the battery was low"
+        ),
         traits=Trait.UPSET,
         shown_by=(
             "the autopilot's reports by number and in words; its own limits (`BATT_LOW_VOLT`, "

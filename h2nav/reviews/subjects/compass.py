@@ -10,6 +10,18 @@ from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import CompassFit, FieldTrack
 
+
+def _stepped(one: Finding) -> str:
+    if len(one.sensor.numbers) < 2:
+        return "a magnetic disturbance came or went"
+    numbers = one.sensor.listed.replace(", ", " and ")
+    return (
+        f"compasses {numbers} changed together at {one.from_s:.0f} s, while the attitude by gyro "
+        f"and "
+        "velocity stayed"
+    )
+
+
 KINDS = (
     Declared(
         Kind.COMPASS_DEAD,
@@ -93,7 +105,7 @@ KINDS = (
             "A field that is fixed to the vehicle came or went.",
             words.MAGNET,
         ),
-        phrase="a magnetic disturbance came or went",
+        phrase=_stepped,
         section="compass",
         traits=Trait.UPSET,
         shown_by="steps of the field fixed to the body",

@@ -4,7 +4,17 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.control import look_at_control
-from h2nav.reviews.declared import LEADS_S, MOTOR_LEADS_S, Brought, Declared, Evidence, Subject
+from h2nav.reviews.declared import (
+    FAILED_SENSORS,
+    HEIGHT_LEADS_S,
+    LEADS_S,
+    MOTOR_LEADS_S,
+    Brought,
+    Declared,
+    Evidence,
+    Subject,
+)
+from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.subjects import needs
 
 KINDS = (
@@ -21,13 +31,10 @@ KINDS = (
         follows=(Kind.GYRO_BIAS,),
         brought=(
             Brought(Kind.MOTOR_FAILED, MOTOR_LEADS_S),
-            Brought(Kind.GYRO_FROZEN, LEADS_S),
-            Brought(Kind.IMU_FROZEN, LEADS_S),
-            Brought(Kind.AXIS_STUCK, LEADS_S),
-            Brought(Kind.ACCELEROMETER_FROZEN, LEADS_S),
-            Brought(Kind.GYRO_BIAS_STEP, LEADS_S),
+            *(Brought(kind, LEADS_S) for kind in FAILED_SENSORS),
             Brought(Kind.MOTOR_SATURATED, MOTOR_LEADS_S),
             Brought(Kind.SAID_EKF_FAILED, LEADS_S),
+            Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
         ),
         shown_by=(
             "the autopilot's attitude against its demand while it flies and turns; without a "
@@ -46,4 +53,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return look_at_control(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
 
 
-SUBJECT = Subject("attitude against its demand", KINDS, (needs.times, needs.imu), look)
+SUBJECT = Subject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)

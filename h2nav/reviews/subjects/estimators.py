@@ -19,10 +19,7 @@ KINDS = (
         ),
         phrase="the autopilot changed its estimator",
         section="difference",
-        follows=(
-            Kind.GYRO_BIAS,
-            Kind.GYRO_FROZEN,
-        ),
+        follows=(Kind.GYRO_BIAS, Kind.GYRO_FROZEN, Kind.VIBRATION, Kind.CLIPPING),
         traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
         shown_by="the autopilot's records or texts while armed",
         limit="5 deg of tilt, 15 deg of heading, 5 s",
@@ -38,10 +35,7 @@ KINDS = (
         ),
         phrase="the autopilot's estimators disagreed",
         section="difference",
-        follows=(
-            Kind.GYRO_BIAS,
-            Kind.GYRO_FROZEN,
-        ),
+        follows=(Kind.GYRO_BIAS, Kind.GYRO_FROZEN, Kind.VIBRATION, Kind.CLIPPING),
         traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
         shown_by="as `estimator_switch`",
     ),
@@ -59,6 +53,9 @@ KINDS = (
             Kind.GYRO_BIAS,
             Kind.COMPASS_DEAD,
             Kind.GYRO_FROZEN,
+            Kind.COMPASS_STEP,
+            Kind.VIBRATION,
+            Kind.CLIPPING,
         ),
         traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
         shown_by=(
@@ -71,7 +68,7 @@ KINDS = (
 
 def look(evidence: Evidence) -> list[Finding]:
     """See `estimators`."""
-    track = evidence.of(parts.witness)
+    track = evidence.of(parts.witness) or evidence.of(parts.soundest)
     return look_at_estimators(
         evidence.of(parts.unharmed),
         track,

@@ -4,6 +4,8 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import (
+    FAILED_SENSORS,
+    HEIGHT_LEADS_S,
     LEADS_S,
     MOTOR_LEADS_S,
     Brought,
@@ -12,8 +14,10 @@ from h2nav.reviews.declared import (
     Subject,
     Trait,
 )
+from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import look_at_crash_checks, look_at_impacts
 from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
 KINDS = (
     Declared(
@@ -27,20 +31,18 @@ KINDS = (
         ),
         section="attitude",
         brought=(
-            Brought(Kind.MOTOR_FAILED, MOTOR_LEADS_S),
-            Brought(Kind.GYRO_FROZEN, LEADS_S),
-            Brought(Kind.IMU_FROZEN, LEADS_S),
-            Brought(Kind.AXIS_STUCK, LEADS_S),
-            Brought(Kind.ACCELEROMETER_FROZEN, LEADS_S),
-            Brought(Kind.GYRO_BIAS_STEP, LEADS_S),
+            *(Brought(kind, LEADS_S) for kind in (Kind.MOTOR_FAILED, *FAILED_SENSORS)),
             Brought(Kind.MOTOR_SATURATED, MOTOR_LEADS_S),
             Brought(Kind.SAID_EKF_FAILED, LEADS_S),
             Brought(Kind.BATTERY, LEADS_S),
+            Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
+            Brought(FLOWN_INTO_GROUND, LEADS_S),
         ),
         traits=Trait.INDEPENDENT,
         shown_by=(
             "force and rate alone, in every armed span: after a blow, a steady force off the "
-            "vertical axis; or a blow, a vehicle turned over, and no flight after it"
+            "vertical axis; or a blow, a vehicle turned over, and no flight after it; or a "
+            "descent that ends at once"
         ),
         limit=(
             "30 deg (other than multirotors: 45 deg and at rest) after 2 g; 5 g and 2.5 times its "
@@ -90,4 +92,4 @@ def look(evidence: Evidence) -> list[Finding]:
     ]
 
 
-SUBJECT = Subject("crash and landing", KINDS, (needs.times, needs.imu, needs.armed), look)
+SUBJECT = Subject("crash and landing", KINDS, (*needs.ALWAYS, needs.armed, needs.impact), look)

@@ -132,4 +132,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return found
 
 
-SUBJECT = Subject("IMUs", KINDS, (needs.times, needs.imu), look)
+SUBJECT = Subject("IMUs", KINDS, needs.ALWAYS, look)

@@ -61,6 +61,7 @@ KINDS = (
             Kind.COMPASS_DEAD,
             Kind.GYRO_FROZEN,
             Kind.IMU_TOO_SLOW,
+            Kind.COMPASS_STEP,
         ),
         traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
         shown_by="as `autopilot_tilt`",
@@ -107,11 +108,7 @@ KINDS = (
         MEANINGS[Kind.COMPASS_FIELD],
         phrase="the compass was disturbed",
         section="compass",
-        follows=(
-            Kind.COMPASS_DEAD,
-            Kind.IMU_TOO_SLOW,
-            Kind.VIBRATION,
-        ),
+        follows=(Kind.COMPASS_DEAD, Kind.IMU_TOO_SLOW, Kind.VIBRATION, Kind.COMPASS_STEP),
         traits=Trait.UPSET,
     ),
     Declared(

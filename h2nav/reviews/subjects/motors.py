@@ -4,7 +4,16 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import (
+    HEIGHT_LEADS_S,
+    LEADS_S,
+    Brought,
+    Declared,
+    Evidence,
+    Subject,
+    Trait,
+)
+from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.motors import look_at_motors
 from h2nav.reviews.subjects import needs
 
@@ -50,6 +59,10 @@ KINDS = (
             "A motor was at its limit, so that the autopilot could not ask more of it.",
             "Weight against thrust, the battery, and damage on the motor that was at its limit.",
         ),
+        brought=(
+            Brought(Kind.BATTERY, LEADS_S),
+            Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
+        ),
         traits=Trait.UPSET,
         shown_by="outputs in flight against the range that the parameters give",
         limit="1 s, or 0.5 s shortly before a crash",
@@ -65,4 +78,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return look_at_motors(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
 
 
-SUBJECT = Subject("motors", KINDS, (needs.times, needs.imu, needs.motors), look)
+SUBJECT = Subject("motors", KINDS, (*needs.ALWAYS, needs.motors, needs.flight), look)

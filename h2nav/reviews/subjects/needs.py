@@ -1,7 +1,15 @@
 """What a subject needs to be looked at: each returns why it is missing, or nothing."""
 
+import numpy as np
+
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Evidence
+from h2nav.reviews.declared import Evidence, Need
+from h2nav.reviews.supply import BATTERY, reported
+
+# A blow lasts for some 20 ms; a vehicle itself moves with up to 5 Hz, and a vibration is what is
+# left of neighbouring samples.
+BLOW_HZ, SHAKEN_HZ = 45.0, 20.0
+FEWEST_SOURCES = 2
 
 
 def times(evidence: Evidence) -> str:
@@ -11,12 +19,19 @@ def times(evidence: Evidence) -> str:
 
 def imu(evidence: Evidence) -> str:
     """Samples of an IMU."""
-    return "" if evidence.of(parts.sampled) else "no IMU"
+    return "" if evidence.of(parts.sampled) else "no IMU samples"
 
 
 def armed(evidence: Evidence) -> str:
-    """A flight."""
+    """Motors that could turn."""
     return "" if evidence.of(parts.recorded).armed else "never armed"
+
+
+def flight(evidence: Evidence) -> str:
+    """Motors that carried it."""
+    if why := armed(evidence):
+        return why
+    return "" if evidence.of(parts.flown) else "it did not fly"
 
 
 def motors(evidence: Evidence) -> str:
@@ -24,21 +39,61 @@ def motors(evidence: Evidence) -> str:
     return "no motor outputs" if evidence.of(parts.recorded).motors is None else ""
 
 
+def demand(evidence: Evidence) -> str:
+    """An attitude and what was demanded of it."""
+    context = evidence.of(parts.recorded)
+    if context.demand is None:
+        return "no demands"
+    return "" if context.attitudes else "no attitude of the autopilot"
+
+
 def battery(evidence: Evidence) -> str:
-    """A battery, or reports of one."""
-    return ""
+    """A voltage, or a report of the autopilot."""
+    context = evidence.of(parts.recorded)
+    known = any(np.isfinite(one.voltage_v).any() for one in context.batteries)
+    known = known or bool(reported(context, "battery", BATTERY))
+    return "" if known else "no battery"
+
+
+def barometer(evidence: Evidence) -> str:
+    """A height by pressure."""
+    return "no barometer" if evidence.of(parts.recorded).baro_height_m is None else ""
 
 
 def attitudes(evidence: Evidence) -> str:
-    """An attitude of the autopilot, or its lanes."""
-    return ""
+    """An attitude of the autopilot."""
+    return "" if evidence.of(parts.recorded).attitudes else "no attitude of the autopilot"
 
 
 def compass(evidence: Evidence) -> str:
-    """A compass."""
-    return ""
+    """A compass, and an attitude and a place to judge its field by."""
+    has_field = any(np.isfinite(t.m_b_ut).any() for t in evidence.of(parts.field_tracks))
+    if evidence.of(parts.dead_rows):
+        return ""
+    if not has_field:
+        return "no compass"
+    if evidence.of(parts.best) is None:
+        return "no attitude to judge them by"
+    return "" if len(evidence.flight.earth.t_s) else "no place, so the earth's field is unknown"
 
 
 def fix(evidence: Evidence) -> str:
-    """A receiver."""
-    return ""
+    """A receiver that reports; one that never had a fix is a finding."""
+    return "" if any(len(gps.t_s) for gps in evidence.of(parts.recorded).gps) else "no receiver"
+
+
+def impact(evidence: Evidence) -> str:
+    """Samples quick enough for a blow, or two sources of vertical speed."""
+    rate = evidence.of(parts.rate_hz)
+    if rate >= BLOW_HZ or len(evidence.of(parts.vertical)) >= FEWEST_SOURCES:
+        return ""
+    return f"{rate:.0f} samples a second show no blow, and two heights were not logged"
+
+
+def shaking(evidence: Evidence) -> str:
+    """Samples quick enough for a vibration."""
+    rate = evidence.of(parts.rate_hz)
+    return "" if rate >= SHAKEN_HZ else f"{rate:.0f} samples a second show none"
+
+
+ALWAYS: tuple[Need, ...] = (times, imu)

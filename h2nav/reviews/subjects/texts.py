@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import LEADS_S, Brought, Declared, Evidence, Subject, Trait
 from h2nav.reviews.estimators import look_at_texts
 from h2nav.reviews.subjects import needs
 
@@ -13,18 +13,26 @@ KINDS = (
         Kind.SAID_AIDING,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase="the EKF had no position",
-        follows=(Kind.GPS_LOST,),
+        follows=(Kind.GPS_LOST, Kind.VIBRATION, Kind.CLIPPING),
     ),
     Declared(
         Kind.SAID_COMPASS,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase="the autopilot did not trust its compass",
-        follows=(Kind.COMPASS_DEAD,),
+        follows=(Kind.COMPASS_DEAD, Kind.COMPASS_STEP, Kind.VIBRATION, Kind.CLIPPING),
     ),
     Declared(
         Kind.SAID_CRASH,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
-        phrase="the autopilot reported a crash",
+        phrase=lambda one: (
+            "the autopilot reported a loss of thrust"
+            if "hrust" in one.evidence
+            else "the autopilot reported a crash"
+        ),
+        brought=tuple(
+            Brought(kind, LEADS_S)
+            for kind in (Kind.MOTOR_FAILED, Kind.MOTOR_SATURATED, Kind.BATTERY)
+        ),
         follows=(Kind.AUTOPILOT_CRASH_CHECK,),
         traits=Trait.UPSET,
     ),
@@ -32,10 +40,7 @@ KINDS = (
         Kind.SAID_EKF_FAILED,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase="the EKF failsafe came",
-        follows=(
-            Kind.GYRO_BIAS,
-            Kind.GYRO_FROZEN,
-        ),
+        follows=(Kind.GYRO_BIAS, Kind.GYRO_FROZEN, Kind.VIBRATION, Kind.CLIPPING),
         traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
     ),
     Declared(
@@ -48,16 +53,13 @@ KINDS = (
         Kind.SAID_GPS_GLITCH,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase="the GPS glitched",
-        follows=(Kind.GPS_LOST,),
+        follows=(Kind.GPS_LOST, Kind.VIBRATION, Kind.CLIPPING),
     ),
     Declared(
         Kind.SAID_SENSOR,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase="the autopilot reported a sensor or attitude fault",
-        follows=(
-            Kind.GYRO_BIAS,
-            Kind.GYRO_FROZEN,
-        ),
+        follows=(Kind.GYRO_BIAS, Kind.GYRO_FROZEN, Kind.VIBRATION, Kind.CLIPPING),
         traits=Trait.UPSET,
     ),
     Declared(
@@ -70,6 +72,7 @@ KINDS = (
         Kind.SAID_YAW_RESET,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase="the EKF reset its heading",
+        follows=(Kind.COMPASS_STEP, Kind.VIBRATION, Kind.CLIPPING),
     ),
 )
 

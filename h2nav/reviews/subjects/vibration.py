@@ -73,4 +73,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return found
 
 
-SUBJECT = Subject("vibration", KINDS, (needs.imu,), look)
+SUBJECT = Subject("vibration", KINDS, (needs.imu, needs.shaking), look)

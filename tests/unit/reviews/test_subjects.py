@@ -68,26 +68,28 @@ def test_evidence_is_worked_out_once():
     assert evidence.of(part) == evidence.of(part) == 1
 
 
+def a_step(imu):
+    sensor = Sensor(SensorKind.IMU, imu)
+    return Finding(
+        Kind.ACCELEROMETER_BIAS_STEP, sensor, Severity.WARNING, 50.0, 60.0, 2.0, "m/s^2", "", ""
+    )
+
+
 @pytest.mark.parametrize("imu", [1, 2])
 def test_a_receiver_is_judged_by_force_and_rest_of_the_same_sound_imu(imu):
     """An accelerometer that jumped judges no receiver, nor does its gravity at rest."""
     flown = flight(imus=3)
     evidence = Evidence(flown)
-    step = Finding(
-        Kind.ACCELEROMETER_BIAS_STEP,
-        Sensor(SensorKind.IMU, imu),
-        Severity.WARNING,
-        50.0,
-        60.0,
-        2.0,
-        "m/s^2",
-        "",
-        "",
-    )
-    evidence._known[parts.force_steps] = [step]
+    evidence._known[parts.force_steps] = [a_step(imu)]
     track = evidence.of(parts.witness)
     assert track.imu + 1 != imu
     assert parts.at_rest(evidence, track) is evidence.of(parts.rests)[track.imu]
+
+
+def test_where_every_accelerometer_jumped_none_judges_the_receiver():
+    evidence = Evidence(flight(imus=2))
+    evidence._known[parts.force_steps] = [a_step(1), a_step(2)]
+    assert evidence.of(parts.witness) is None
 
 
 def test_a_recording_without_anything_names_what_could_not_be_looked_at():

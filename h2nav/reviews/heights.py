@@ -1,0 +1,207 @@
+"""Height by barometer, receiver and estimator, each judged by the others.
+
+The receiver's vertical velocity (Doppler) and its altitude are independent of each other and of the
+barometer. Levels are free: only changes are compared.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.kinds import FlightKind
+from h2nav.recordings.context import Array, Context
+from h2nav.reviews.inertial import Mask, joined, runs, within
+from h2nav.reviews.vertical import GRID_S, Climb, on_grid
+
+HEIGHT_LOST = FlightKind("height_lost")
+# A step: medians over this time before and after, without the moment itself.
+SIDE, BESIDE = 15, 3
+# The barometer's own noise and the wash of propellers stay below; a receiver's altitude does over
+# the same seconds.
+STEP_M, STEP_ALONE_M = 8.0, 25.0
+# A drift: against altitude and velocity of the receiver, beyond the weather and both errors.
+DRIFT_M, DRIFT_S, SPREAD_SHARE = 25.0, 10.0, 0.5
+FEWEST_SATELLITES = 6
+# An estimate of height that is wrong while barometer and receiver agree, or force shakes it.
+LOST_M, LOST_S, LOST_RATE_M_S = 5.0, 1.0, 3.0
+LEVELLED_S = 5.0
+
+
+class Heights(NamedTuple):
+    """Heights on one grid; NaN where unknown."""
+
+    t_s: Array  # (N,)
+    barometer_m: Array  # (N,)
+    altitude_m: Array  # (N,) of the receiver
+    moved_m: Array  # (N,) integral of the receiver's vertical velocity
+    estimate_m: Array  # (N,) of the autopilot
+    climbed_m: Array  # (N,) integral of the autopilot's climb rate
+
+
+def heights(context: Context, sources: tuple[Climb, ...]) -> Heights | None:
+    """All heights; None without a barometer."""
+    if context.baro_height_m is None or not sources:
+        return None
+    t_s = sources[0].t_s
+    rates = {source.name: source.climb_m_s for source in sources}
+    nothing = np.full(len(t_s), np.nan)
+    altitude, estimate = nothing, nothing
+    for gps in context.gps[:1]:
+        good = gps.has_fix & ~(gps.satellites < FEWEST_SATELLITES)
+        altitude = on_grid(t_s, gps.t_s[good], gps.altitude_m[good])
+    if context.height_m is not None:
+        estimate = on_grid(t_s, context.height_m.t_s, context.height_m.values)
+    return Heights(
+        t_s,
+        on_grid(t_s, context.baro_height_m.t_s, context.baro_height_m.values),
+        altitude,
+        _integral(rates.get("the GPS", nothing)),
+        estimate,
+        _integral(rates.get("the estimator", nothing)),
+    )
+
+
+def _integral(rate: Array) -> Array:
+    """(N,) integral over time; NaN where the rate is unknown."""
+    found: Array = np.cumsum(np.nan_to_num(rate)) * GRID_S
+    found[np.isnan(rate)] = np.nan
+    return found
+
+
+def look_at_heights(known: Heights, context: Context) -> list[Finding]:
+    """A barometer that others contradict, and an estimate that the barometer contradicts."""
+    flying = within(known.t_s, context.armed)
+    wrong = _stepped(known, flying) or _drifted(known, flying)
+    return wrong or _lost(known, flying)
+
+
+# --- the barometer ------------------------------------------------------------------------------
+
+
+def _stepped(known: Heights, flying: Mask) -> list[Finding]:
+    """A step of the barometer that neither receiver nor estimator shows."""
+    own = _steps(known.barometer_m)
+    others = (known.moved_m, known.altitude_m, known.climbed_m)
+    apart = np.array([own - _steps(other) for other in others])
+    if np.isfinite(known.moved_m).any() or np.isfinite(known.altitude_m).any():
+        # The estimator alone does not convict a barometer where a receiver could.
+        apart[:, np.isnan(apart[:2]).all(axis=0)] = np.nan
+    witnesses = np.isfinite(apart).sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        least = np.nanmin(np.where(np.isfinite(apart), np.abs(apart), np.inf), axis=0)
+        sudden = np.abs(_sudden(known.barometer_m)) > 0.7 * np.abs(own)
+        most = np.where(witnesses >= 2, STEP_M, STEP_ALONE_M)
+        is_step = flying & sudden & (np.abs(own) > most) & (witnesses > 0) & (least > most)
+    if not is_step.any():
+        return []
+    size = np.where(is_step, least, 0.0)
+    place = int(np.argmax(size))
+    names = ("GPS velocity", "GPS altitude", "the estimator's climb rate")
+    said = [name for name, row in zip(names, apart, strict=True) if np.isfinite(row[place])]
+    step = float(own[place])
+    return [
+        _barometer(
+            float(known.t_s[place]),
+            float(known.t_s[np.flatnonzero(flying)[-1]]),
+            float(size[place]),
+            f"the barometer stepped by {step:+.0f} m at {known.t_s[place]:.0f} s",
+            f"{' and '.join(said)} did not: medians over 1.5 s before and after",
+        )
+    ]
+
+
+def _steps(values: Array) -> Array:
+    """(N,) change from before to after each time, by medians; NaN where unknown."""
+    found = np.full(len(values), np.nan)
+    if len(values) < 2 * (SIDE + BESIDE):
+        return found
+    middles = np.median(sliding_window_view(values, SIDE), axis=1)
+    reach = SIDE + BESIDE
+    found[reach : len(values) - reach + 1] = middles[reach + BESIDE :] - middles[: -reach - BESIDE]
+    return found
+
+
+def _sudden(values: Array) -> Array:
+    """(N,) change around each time within three steps to either side."""
+    found = np.zeros(len(values))
+    found[BESIDE : len(values) - BESIDE] = np.nan_to_num(
+        values[2 * BESIDE :] - values[: -2 * BESIDE]
+    )
+    return found
+
+
+def _drifted(known: Heights, flying: Mask) -> list[Finding]:
+    """A barometer that runs away from altitude and velocity of the receiver."""
+    by_altitude = _levelled(known.barometer_m - known.altitude_m, flying)
+    by_velocity = _levelled(known.barometer_m - known.moved_m, flying)
+    with np.errstate(invalid="ignore"):
+        alike = np.abs(by_altitude - by_velocity) < SPREAD_SHARE * np.abs(by_altitude)
+        far = flying & (np.abs(by_altitude) > DRIFT_M) & alike
+    for first, last in joined(runs(far), known.t_s, 1.0):
+        if known.t_s[last] - known.t_s[first] >= DRIFT_S:
+            part = by_altitude[first : last + 1]
+            size = float(np.nanmax(np.abs(part)))
+            return [
+                _barometer(
+                    float(known.t_s[first]),
+                    float(known.t_s[last]),
+                    size,
+                    f"the barometer was wrong by up to {size:.0f} m from {known.t_s[first]:.0f} s",
+                    "against the GPS altitude, and the GPS vertical velocity agrees with that",
+                )
+            ]
+    return []
+
+
+def _levelled(apart: Array, flying: Mask) -> Array:
+    """A difference without its level at the beginning of the flight."""
+    known = np.flatnonzero(flying & np.isfinite(apart))
+    if not len(known):
+        return np.full(len(apart), np.nan)
+    first = known[: round(LEVELLED_S / GRID_S)]
+    found: Array = apart - float(np.median(apart[first]))
+    return found
+
+
+def _barometer(from_s: float, to_s: float, size: float, text: str, evidence: str) -> Finding:
+    sensor = Sensor(SensorKind.BAROMETER)
+    return Finding(Kind.BARO, sensor, Severity.WARNING, from_s, to_s, size, "m", text, evidence)
+
+
+# --- the estimate -------------------------------------------------------------------------------
+
+
+def _lost(known: Heights, flying: Mask) -> list[Finding]:
+    """An estimate far from the barometer while the receiver's altitude is near it."""
+    apart = _levelled(known.estimate_m - known.barometer_m, flying)
+    truth = _levelled(known.altitude_m - known.barometer_m, flying)
+    second = round(1.0 / GRID_S)
+    faster = known.climbed_m - known.barometer_m
+    runs_away = np.zeros(len(flying), dtype=bool)
+    with np.errstate(invalid="ignore"):
+        runs_away[second:] = np.abs(faster[second:] - faster[:-second]) > LOST_RATE_M_S
+    with np.errstate(invalid="ignore"):
+        far = flying & (np.abs(apart) > LOST_M) & (np.abs(truth) < SPREAD_SHARE * np.abs(apart))
+    for first, last in joined(runs(far), known.t_s, LEVELLED_S):
+        began = max(first - round(LEVELLED_S / GRID_S), 0)
+        is_long = float(far[first : last + 1].sum()) * GRID_S >= LOST_S
+        # A level that is set anew is a step without a speed.
+        if not is_long or not runs_away[began : last + 1].any():
+            continue
+        size = float(np.nanmax(np.abs(np.where(far, apart, np.nan)[first : last + 1])))
+        return [
+            Finding(
+                HEIGHT_LOST,
+                Sensor(SensorKind.ESTIMATOR),
+                Severity.WARNING,
+                float(known.t_s[first]),
+                float(known.t_s[last]),
+                size,
+                "m",
+                f"the autopilot's height was off by up to {size:.0f} m",
+                "against the barometer, and the GPS altitude agrees with that",
+            )
+        ]
+    return []

@@ -1,0 +1,92 @@
+"""A vehicle that was flown into the ground: what was demanded brought it there."""
+
+import numpy as np
+
+from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
+from h2nav.integrity.kinds import FlightKind, Meaning
+from h2nav.recordings.context import Context
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.declared import Declared, Evidence, Subject
+from h2nav.reviews.impacts import Bins, Impact
+from h2nav.reviews.subjects import needs
+
+FLOWN_INTO_GROUND = FlightKind("flown_into_ground")
+# Modes in which the throttle is the pilot's own.
+BY_HAND = frozenset(
+    {"ACRO", "DRIFT", "FLIP", "MANUAL", "RATTITUDE", "STAB", "STABILIZE", "STABILIZED"}
+)
+# A descent at this share of the usual output or less is demanded, not suffered.
+LOW_SHARE = 0.7
+# Of a descent that ends at this speed: as long as a fall to it takes, at the least.
+LONGEST_S, SHORTEST_S = 10.0, 0.5
+
+KINDS = (
+    Declared(
+        FLOWN_INTO_GROUND,
+        Meaning(
+            (SensorKind.VEHICLE,),
+            Severity.WARNING,
+            "m/s",
+            "The pilot's own demand brought the vehicle to the ground; it did what was asked of "
+            "it.",
+            "The sticks and the mode in the seconds before, and whether that was intended.",
+        ),
+        phrase="flown into the ground by the pilot's demand",
+        section="attitude",
+        shown_by="a crash after a descent in a mode whose throttle is the pilot's, with the "
+        "motors far below their usual output all the way",
+        limit="70 % of the usual output",
+    ),
+)
+
+
+def look(evidence: Evidence) -> list[Finding]:
+    """The first crash, if the throttle was low throughout the descent that it ended."""
+    crashes, bins = evidence.of(parts.crashes), evidence.of(parts.bins)
+    if not crashes or bins is None or not np.isfinite(crashes[0].speed_m_s):
+        return []
+    found = _commanded(crashes[0], bins, evidence.of(parts.recorded))
+    return [] if found is None else [found]
+
+
+def _commanded(crash: Impact, bins: Bins, context: Context) -> Finding | None:
+    mode = next((m for m in reversed(context.modes) if m.from_s <= crash.t_s), None)
+    if mode is None or mode.name.upper() not in BY_HAND:
+        return None
+    flown = bins.driven[(bins.t_s < crash.t_s) & (bins.driven > bins.flying)]
+    low = bins.driven < LOW_SHARE * float(np.median(flown)) if len(flown) else bins.driven < 0.0
+    before = np.flatnonzero((bins.t_s <= crash.t_s - parts.JUST_BEFORE_S) & ~low)
+    from_s = float(bins.t_s[before[-1]]) if len(before) else float(bins.t_s[0])
+    from_s = max(from_s, mode.from_s, crash.t_s - LONGEST_S)
+    lasted = crash.t_s - from_s
+    if lasted < max(SHORTEST_S, crash.speed_m_s / 9.81):
+        return None
+    share = float(np.median(bins.driven[(bins.t_s > from_s) & (bins.t_s < crash.t_s)]))
+    usual = float(np.median(flown))
+    return Finding(
+        FLOWN_INTO_GROUND,
+        Sensor(SensorKind.VEHICLE),
+        Severity.WARNING,
+        from_s,
+        crash.t_s,
+        crash.speed_m_s,
+        "m/s",
+        f"flown into the ground by the pilot's demand at {crash.speed_m_s:.0f} m/s",
+        f"{mode.name}: for {lasted:.1f} s the motors were asked for {share:.0%} of their range, "
+        f"usual in this flight was {usual:.0%}{_sticks(context, from_s, crash.t_s)}",
+    )
+
+
+def _sticks(context: Context, from_s: float, to_s: float) -> str:
+    """Where the sticks were, if they were recorded."""
+    sticks = context.sticks
+    if sticks is None:
+        return ""
+    near = (sticks.t_s >= from_s) & (sticks.t_s <= to_s)
+    if not near.any():
+        return ""
+    throttle, pitch = (float(np.nanmedian(v[near])) for v in (sticks.throttle, sticks.pitch))
+    return f"; sticks: throttle at {throttle:.0%}, pitch at {pitch:+.0%}"
+
+
+SUBJECT = Subject("the pilot's demand", KINDS, (needs.times, needs.imu), look, is_told=False)
