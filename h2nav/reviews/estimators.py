@@ -44,6 +44,8 @@ GATE = 3.0
 OWN_TILT_RAD, OWN_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
 BEYOND_FOR_S = 15.0
 GRID_S = 0.1
+# The check in flight has decided by the receiver's velocity (`integrity.witness`).
+DECIDED_FOR_US = "backs us"
 # Velocities decide if they fit one attitude this much better.
 BETTER = 0.8
 WINDOW_S = 2.0
@@ -279,15 +281,25 @@ def _grid(track: AttitudeTrack) -> Array:
     return np.arange(track.t_s[0], track.t_s[-1], GRID_S) if len(track.t_s) else np.zeros(0)
 
 
+def _flown_by(name: str, t_s: Array, context: Context) -> Mask:
+    """(N,) whether this estimator's attitude was used for control.
+
+    Before it is, it may still be aligning while another one flies.
+    """
+    if not context.flown_by:
+        return np.ones(len(t_s), dtype=bool)
+    return within(t_s, [span for span in context.flown_by if name.startswith(span.name)])
+
+
 def _cores(context: Context) -> list[Finding]:
     """Cores of one estimator that differ for long."""
     found = []
     first = context.attitudes[0]
     mine = attitudes(first.t_s, first.q_nb)
     grid_s = _grid(first)
-    flying = within(grid_s, context.armed)
+    flying = within(grid_s, context.armed) & _flown_by(first.name, grid_s, context)
     for track in context.attitudes[1:]:
-        if "core" not in track.name:
+        if not track.name.startswith(f"{first.name} core"):
             continue
         other = attitudes(track.t_s, track.q_nb)
         tilt, heading = _parts(mine.at(grid_s), other.at(grid_s))
@@ -373,7 +385,9 @@ def misjudged(
     rest: Rest,
     in_flight: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
-    """Findings in flight that blame the autopilot's attitude where ours is wrong.
+    """Findings in flight that blame the autopilot's attitude where ours is wrong, or may be.
+
+    Without a witness it is two attitudes that differ, and no fault of the vehicle.
 
     Args:
         context: its attitudes and receivers.
@@ -385,11 +399,14 @@ def misjudged(
     track = context.attitudes[0]
     own = attitudes(track.t_s, track.q_nb)
     of_autopilot = (Kind.AUTOPILOT_TILT, Kind.AUTOPILOT_HEADING)
-    return tuple(
-        one
-        for one in in_flight
-        if one.kind in of_autopilot and _whose(context, imu, own, best, rest, one)[1] is False
-    )
+    found = []
+    for one in in_flight:
+        if one.kind not in of_autopilot:
+            continue
+        is_ours = _whose(context, imu, own, best, rest, one)[1]
+        if is_ours is False or (is_ours is None and DECIDED_FOR_US not in one.text):
+            found.append(one)
+    return tuple(found)
 
 
 def _whose(

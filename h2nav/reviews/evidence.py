@@ -11,6 +11,7 @@ from h2nav.reviews.declared import Evidence
 from h2nav.reviews.force_steps import look_at_force_steps
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
 from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
+from h2nav.reviews.motors import look_at_motors
 from h2nav.reviews.receiver import delay_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
 from h2nav.reviews.sensor_bias import look_at_biases, measuring
@@ -166,6 +167,19 @@ def unharmed(evidence: Evidence) -> Context:
     """The recording; it is not armed after a crash: sensors do not represent a flight then."""
     context = evidence.of(recorded)
     spans = [Span(b.t_s - BEFORE_IMPACT_S, b.to_s, "crashed") for b in evidence.of(crashes)]
+    return context._replace(armed=without(context.armed, spans))
+
+
+def in_order(evidence: Evidence) -> Context:
+    """The recording; not armed from the first failed motor on, whose current bends every field."""
+    context, found = evidence.of(unharmed), evidence.of(bins)
+    if found is None:
+        return context
+    lost = look_at_motors(found, evidence.of(recorded), evidence.of(crashes))
+    failed = [one.from_s for one in lost if one.kind is Kind.MOTOR_FAILED]
+    if not failed:
+        return context
+    spans = [Span(min(failed), np.inf, "failed")]
     return context._replace(armed=without(context.armed, spans))
 
 

@@ -56,7 +56,7 @@ LAG_APART_S = 0.1
 DELAY_PARAMETERS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
 # EK3_GLITCH_RAD is 25 m; between two fixes of one second a receiver's own noise is below 3 m.
 JUMP_M = 10.0
-LOST_S = 1.0
+LOST_S, SILENT_SHARE = 1.0, 0.5
 # The noise of a receiver, 0.05 m/s, is five times the resolution of its messages: no two fixes of a
 # moving vehicle are equal, except where one is repeated.
 FROZEN_S, FROZEN_FIXES, MOVING_M_S = 2.0, 5, 0.5
@@ -359,11 +359,16 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
         found.append(_never(sensor, gps, context))
     for span in context.armed:
         inside = (gps.t_s >= span.from_s) & (gps.t_s <= span.to_s)
-        good = np.concatenate(([span.from_s], gps.t_s[inside & gps.has_fix], [span.to_s]))
+        # Before its first report it was not recorded.
+        begin = max(span.from_s, float(gps.t_s[0])) if len(gps.t_s) else span.from_s
+        good = np.concatenate(([begin], gps.t_s[inside & gps.has_fix], [span.to_s]))
         if not (had_fix & inside).any():
             continue
         for place in np.flatnonzero(np.diff(good) > LOST_S + 2.0 * max(_period(gps), usual_s)):
             lasted = float(good[place + 1] - good[place])
+            if _silent_s(good[place], good[place + 1], context) > SILENT_SHARE * lasted:
+                # Nothing at all was recorded: the link or the logger, not the receiver.
+                continue
             found.append(
                 Finding(
                     Kind.GPS_LOST,
@@ -378,6 +383,12 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
                 )
             )
     return found
+
+
+def _silent_s(from_s: float, to_s: float, context: Context) -> float:
+    """How long nothing was recorded between two times."""
+    spans = ((max(one.from_s, from_s), min(one.to_s, to_s)) for one in context.silent)
+    return sum(max(last - first, 0.0) for first, last in spans)
 
 
 def _never(sensor: Sensor, gps: GpsTrack, context: Context) -> Finding:

@@ -119,7 +119,7 @@ Looked = tuple[FieldTrack | None, CompassFit | None, list[Finding]]
 
 def compasses(evidence: Evidence) -> tuple[Looked, ...]:
     """Each compass: its field over time, its fit, and what they say."""
-    context, flight = evidence.of(parts.unharmed), evidence.flight
+    context, flight = evidence.of(parts.in_order), evidence.flight
     is_px4 = "PX4" in f"{flight.autopilot} {context.firmware}"
     return tuple(
         look_at_compass(

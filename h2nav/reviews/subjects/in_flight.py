@@ -3,6 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind
 from h2nav.integrity.kinds import MEANINGS
 from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.subjects.health import SENSOR_DEAD
 
 KINDS = (
     Declared(
@@ -154,8 +155,20 @@ KINDS = (
         ),
         traits=Trait.ABOUT_US | Trait.UPSET,
     ),
-    Declared(Kind.GYRO_FROZEN, MEANINGS[Kind.GYRO_FROZEN], phrase="a gyro froze", section="timing"),
-    Declared(Kind.IMU_FROZEN, MEANINGS[Kind.IMU_FROZEN], phrase="an IMU froze", section="timing"),
+    Declared(
+        Kind.GYRO_FROZEN,
+        MEANINGS[Kind.GYRO_FROZEN],
+        phrase="a gyro froze",
+        section="timing",
+        follows=(SENSOR_DEAD,),
+    ),
+    Declared(
+        Kind.IMU_FROZEN,
+        MEANINGS[Kind.IMU_FROZEN],
+        phrase="an IMU froze",
+        section="timing",
+        follows=(SENSOR_DEAD,),
+    ),
     Declared(
         Kind.VELOCITY_LOST,
         MEANINGS[Kind.VELOCITY_LOST],

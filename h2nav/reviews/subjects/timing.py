@@ -5,6 +5,7 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.subjects.health import SENSOR_DEAD
 from h2nav.reviews.timing import look_at_pauses, look_at_slow_log, look_at_timing
 from h2nav.reviews.tracks import TimingTrack
 
@@ -16,6 +17,7 @@ KINDS = (
         traits=Trait.ABOUT_RECORDING,
         shown_by="the autopilot's stamps",
         limit="0.1 s or 1 %; 25 Hz; 1 %",
+        follows=(SENSOR_DEAD,),
     ),
     Declared(
         Kind.IMU_SLOW,
@@ -112,8 +114,12 @@ KINDS = (
 
 def timings(evidence: Evidence) -> tuple[tuple[TimingTrack, list[Finding]], ...]:
     """Each IMU: its rate, gaps and lateness, and what they say."""
-    armed, paused = evidence.of(parts.recorded).armed, evidence.of(parts.paused)
-    return tuple(look_at_timing(track, armed, paused) for track in evidence.of(parts.sampled))
+    context = evidence.of(parts.recorded)
+    # Where nothing at all was recorded, no sensor is to blame.
+    silent = (*evidence.of(parts.paused), *context.silent)
+    return tuple(
+        look_at_timing(track, context.armed, silent) for track in evidence.of(parts.sampled)
+    )
 
 
 def look(evidence: Evidence) -> list[Finding]:

@@ -105,7 +105,7 @@ def test_a_finding_has_span_size_evidence_and_what_to_check(made):
 def test_nothing_wrong_is_said_with_what_was_and_what_was_not_checked(made):
     flight = made[0]._replace(findings=())
     text = text_of(page_of(flight, made[1]._replace(findings=())))
-    assert "Nothing was found wrong." in text
+    assert "Nothing was found wrong" in text
     assert "Checked: our attitude against the GPS velocity" in text
     assert "Missing in the recording: no temperatures" in text
 

@@ -1,0 +1,35 @@
+"""What the autopilot itself says of its sensors."""
+
+import numpy as np
+import pytest
+from reviewed_flights import DURATION_S, flight
+
+from h2nav.recordings.context import SensorHealth
+from h2nav.reviews.analysis import analyse
+from h2nav.reviews.subjects.health import SENSOR_DEAD
+
+T_S = np.arange(0.0, DURATION_S, 0.1)
+
+
+def told(healthy, kind="gyro"):
+    health = SensorHealth(kind, 0, T_S, healthy, np.cumsum(1.0 - healthy))
+    found = analyse(flight(health=(health,))).findings
+    return [one for one in found if one.kind == SENSOR_DEAD]
+
+
+def test_a_gyro_that_the_autopilot_calls_dead_is_dead_for_that_time():
+    (found,) = told(np.where((T_S > 50.0) & (T_S < 69.0), 0.0, 1.0))
+    assert (found.from_s, found.to_s) == pytest.approx((50.1, 68.9), abs=0.11)
+    assert found.sensor.name == "gyro 1"
+    assert "counted 188 errors" in found.evidence
+
+
+@pytest.mark.parametrize(
+    "healthy", [np.ones(len(T_S)), np.zeros(len(T_S)), np.full(len(T_S), np.nan)]
+)
+def test_a_sound_sensor_one_that_is_not_fitted_and_an_unknown_one_are_not_accused(said):
+    assert not told(np.full(len(T_S), said))
+
+
+def test_a_hiccup_is_none():
+    assert not told(np.where((T_S > 50.0) & (T_S < 50.3), 0.0, 1.0))
