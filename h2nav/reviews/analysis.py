@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from h2nav.integrity.findings import Finding, Kind
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Evidence
+from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import misjudged
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact
@@ -49,7 +49,7 @@ class Analysis(NamedTuple):
 
 def analyse(flight: Flight) -> Analysis:
     """Analyses a whole flight: each subject that has what it needs."""
-    evidence = Evidence(flight)
+    evidence = FlightEvidence(flight)
     lacks = {subject: subject.lacks(evidence) for subject in SUBJECTS}
     found = [one for subject in SUBJECTS if not lacks[subject] for one in subject.look(evidence)]
     told = [subject for subject in SUBJECTS if subject.is_told]
@@ -64,7 +64,7 @@ def analyse(flight: Flight) -> Analysis:
     return _with_tracks(analysis, evidence) if evidence.of(parts.has_times) else analysis
 
 
-def _with_tracks(analysis: Analysis, evidence: Evidence) -> Analysis:
+def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
     """The analysis with what needs times of arrival."""
     looked = evidence.of(compass.compasses)
     return analysis._replace(
@@ -78,7 +78,7 @@ def _with_tracks(analysis: Analysis, evidence: Evidence) -> Analysis:
     )
 
 
-def _misjudged(evidence: Evidence) -> list[Finding]:
+def _misjudged(evidence: FlightEvidence) -> list[Finding]:
     """Findings in flight that blame the autopilot or the receiver where our attitude is wrong."""
     in_flight, context = evidence.flight.findings, evidence.of(parts.unharmed)
     track = evidence.of(parts.witness) or evidence.of(parts.soundest)

@@ -4,8 +4,8 @@ A kind is declared once, beside the subject that finds it: its meaning, its word
 its pictures, what it follows from. Chain, verdict, schema, cards and docs/review-findings.md are
 made of these records.
 
-Evidence is a function of the evidence below it. `Evidence.of` works each one out once, when it is
-first asked for: there is no order to keep.
+Evidence is a function of the evidence below it. `FlightEvidence.of` works each one out once, when
+it is first asked for: there is no order to keep.
 """
 
 from collections.abc import Callable
@@ -66,7 +66,7 @@ class Declared(NamedTuple):
     limit: str = ""  # likewise: from which size on
 
 
-class Evidence:
+class FlightEvidence:
     """Everything that is known of one flight; nothing in it changes.
 
     Attributes:
@@ -77,7 +77,7 @@ class Evidence:
         self.flight = flight
         self._known: dict[Callable[..., Any], Any] = {}
 
-    def of(self, part: "Callable[[Evidence], Value]") -> Value:
+    def of(self, part: "Callable[[FlightEvidence], Value]") -> Value:
         """A part of the evidence, worked out once."""
         if part not in self._known:
             self._known[part] = part(self)
@@ -86,19 +86,19 @@ class Evidence:
 
 
 # Why a subject cannot be looked at, in a few words; empty if it can.
-Need = Callable[[Evidence], str]
+Need = Callable[[FlightEvidence], str]
 
 
-class Subject(NamedTuple):
+class ReviewSubject(NamedTuple):
     """Something that a review looks at."""
 
     name: str  # for people
     kinds: tuple[Declared, ...]  # of its findings
     needs: tuple[Need, ...]  # all of which have to be met
-    look: Callable[[Evidence], list[Finding]]
+    look: Callable[[FlightEvidence], list[Finding]]
     # whether its blindness is told; a detail of another subject is not
     is_told: bool = True
 
-    def lacks(self, evidence: Evidence) -> str:
+    def lacks(self, evidence: FlightEvidence) -> str:
         """Why it cannot be looked at; empty if it can."""
         return next(filter(None, (need(evidence) for need in self.needs)), "")

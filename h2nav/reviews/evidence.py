@@ -7,7 +7,7 @@ from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, Span
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
-from h2nav.reviews.declared import Evidence
+from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.force_steps import look_at_force_steps
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
 from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
@@ -34,27 +34,27 @@ JUST_BEFORE_S = 0.3
 # --- the recording ------------------------------------------------------------------------------
 
 
-def is_streamed(evidence: Evidence) -> bool:
+def is_streamed(evidence: FlightEvidence) -> bool:
     """Whether the messages came over a link, at rhythms of their own."""
     return evidence.flight.kind in TELEMETRY
 
 
-def has_times(evidence: Evidence) -> bool:
+def has_times(evidence: FlightEvidence) -> bool:
     """Whether the recording has times of arrival."""
     return evidence.flight.kind != WITHOUT_TIMES
 
 
-def is_own_log(evidence: Evidence) -> bool:
+def is_own_log(evidence: FlightEvidence) -> bool:
     """Whether the autopilot wrote it: a gap in other recordings is a problem of the link."""
     return evidence.flight.kind not in (*TELEMETRY, WITHOUT_TIMES)
 
 
-def paused(evidence: Evidence) -> tuple[Span, ...]:
+def paused(evidence: FlightEvidence) -> tuple[Span, ...]:
     """Spans in which the autopilot logged nothing."""
     return pauses(evidence.flight.context) if evidence.of(is_own_log) else ()
 
 
-def recorded(evidence: Evidence) -> Context:
+def recorded(evidence: FlightEvidence) -> Context:
     """The recording; it is not armed where nothing was logged, nor without times."""
     context = evidence.flight.context
     if not evidence.of(has_times):
@@ -65,32 +65,32 @@ def recorded(evidence: Evidence) -> Context:
 # --- samples ------------------------------------------------------------------------------------
 
 
-def field_tracks(evidence: Evidence) -> tuple[ImuTrack, ...]:
+def field_tracks(evidence: FlightEvidence) -> tuple[ImuTrack, ...]:
     """The samples of each IMU with its compass, in order of time; dead compasses without field."""
     dead = {one.compass for one in evidence.of(dead_rows)}
     tracks = [_in_order(track) for track in evidence.flight.context.imus]
     return tuple(_without_field(track) if track.imu in dead else track for track in tracks)
 
 
-def sampled(evidence: Evidence) -> tuple[ImuTrack, ...]:
+def sampled(evidence: FlightEvidence) -> tuple[ImuTrack, ...]:
     """The samples of each IMU with numbers for gyro and accelerometer."""
     tracks = map(_numbers, evidence.of(field_tracks))
     some = tuple(track for track in tracks if len(track.t_s) > 1)
     return some if evidence.of(has_times) else tuple(map(_stamped, some))
 
 
-def motion_tracks(evidence: Evidence) -> tuple[ImuTrack, ...]:
+def motion_tracks(evidence: FlightEvidence) -> tuple[ImuTrack, ...]:
     """The same at 100 a second, without the vibration."""
     return tuple(map(slowed, evidence.of(sampled)))
 
 
-def alive(evidence: Evidence) -> tuple[ImuTrack, ...]:
+def alive(evidence: FlightEvidence) -> tuple[ImuTrack, ...]:
     """The same while no finding in flight excludes them."""
     tracks = (measuring(t, evidence.flight.findings) for t in evidence.of(motion_tracks))
     return tuple(track for track in tracks if len(track.t_s) > 1)
 
 
-def soundest(evidence: Evidence) -> ImuTrack | None:
+def soundest(evidence: FlightEvidence) -> ImuTrack | None:
     """The IMU with the shortest time of faults in flight."""
 
     def wrong_s(track: ImuTrack) -> float:
@@ -100,13 +100,13 @@ def soundest(evidence: Evidence) -> ImuTrack | None:
     return min(evidence.of(motion_tracks), key=wrong_s, default=None)
 
 
-def rests(evidence: Evidence) -> dict[int, Rest]:
+def rests(evidence: FlightEvidence) -> dict[int, Rest]:
     """Windows at rest, by the number of the IMU, from 0."""
     context = evidence.of(recorded)
     return {track.imu: rest_of(track, context) for track in evidence.of(motion_tracks)}
 
 
-def at_rest(evidence: Evidence, track: ImuTrack | None) -> Rest:
+def at_rest(evidence: FlightEvidence, track: ImuTrack | None) -> Rest:
     """The windows at rest of one IMU."""
     return NEVER if track is None else evidence.of(rests)[track.imu]
 
@@ -114,28 +114,28 @@ def at_rest(evidence: Evidence, track: ImuTrack | None) -> Rest:
 # --- attitude and vehicle -----------------------------------------------------------------------
 
 
-def best(evidence: Evidence) -> Attitudes | None:
+def best(evidence: FlightEvidence) -> Attitudes | None:
     """The more certain one of our attitudes, causal or smoothed."""
     return best_attitude(evidence.flight)
 
 
-def bins(evidence: Evidence) -> Bins | None:
+def bins(evidence: FlightEvidence) -> Bins | None:
     """The soundest IMU in bins of a tenth of a second, as recorded."""
     track = _soundest_as_recorded(evidence)
     return None if track is None else binned(track, evidence.of(recorded))
 
 
-def vertical(evidence: Evidence) -> tuple[Climb, ...]:
+def vertical(evidence: FlightEvidence) -> tuple[Climb, ...]:
     """The vertical speed by every source."""
     return climbs(evidence.of(recorded)) if evidence.of(has_times) else ()
 
 
-def met(evidence: Evidence) -> list[Contact]:
+def met(evidence: FlightEvidence) -> list[Contact]:
     """The ends of descents within tenths of a second, at the ground or not."""
     return contacts(evidence.of(vertical), evidence.of(recorded))
 
 
-def blows(evidence: Evidence) -> tuple[Impact, ...]:
+def blows(evidence: FlightEvidence) -> tuple[Impact, ...]:
     """Crashes and hard landings, in order."""
     track, binned_ = _soundest_as_recorded(evidence), evidence.of(bins)
     if track is None or binned_ is None:
@@ -144,13 +144,13 @@ def blows(evidence: Evidence) -> tuple[Impact, ...]:
     return with_contacts(impacts(track, context), evidence.of(met), binned_, context)
 
 
-def rate_hz(evidence: Evidence) -> float:
+def rate_hz(evidence: FlightEvidence) -> float:
     """Samples a second of the quickest IMU."""
     tracks = evidence.of(sampled)
     return max((1.0 / max(float(np.median(np.diff(t.t_s))), 1e-4) for t in tracks), default=0.0)
 
 
-def flown(evidence: Evidence) -> bool:
+def flown(evidence: FlightEvidence) -> bool:
     """Whether the motors carried it for seconds, moving as nothing on the ground does."""
     found = evidence.of(bins)
     if found is None:
@@ -158,19 +158,19 @@ def flown(evidence: Evidence) -> bool:
     return float(in_flight(found, evidence.of(recorded), ()).sum()) * BIN_S >= FLOWN_S
 
 
-def crashes(evidence: Evidence) -> list[Impact]:
+def crashes(evidence: FlightEvidence) -> list[Impact]:
     """The crashes among them."""
     return [blow for blow in evidence.of(blows) if blow.is_crash]
 
 
-def unharmed(evidence: Evidence) -> Context:
+def unharmed(evidence: FlightEvidence) -> Context:
     """The recording; it is not armed after a crash: sensors do not represent a flight then."""
     context = evidence.of(recorded)
     spans = [Span(b.t_s - BEFORE_IMPACT_S, b.to_s, "crashed") for b in evidence.of(crashes)]
     return context._replace(armed=without(context.armed, spans))
 
 
-def in_order(evidence: Evidence) -> Context:
+def in_order(evidence: FlightEvidence) -> Context:
     """The recording; not armed from the first failed motor on, whose current bends every field."""
     context, found = evidence.of(unharmed), evidence.of(bins)
     if found is None:
@@ -186,12 +186,12 @@ def in_order(evidence: Evidence) -> Context:
 # --- sensors ------------------------------------------------------------------------------------
 
 
-def dead_rows(evidence: Evidence) -> tuple[CompassRows, ...]:
+def dead_rows(evidence: FlightEvidence) -> tuple[CompassRows, ...]:
     """Compasses that logged a single value throughout."""
     return dead_compasses(evidence.of(recorded)) if evidence.of(has_times) else ()
 
 
-def biases(evidence: Evidence) -> tuple[tuple[Bias, ...], list[Finding]]:
+def biases(evidence: FlightEvidence) -> tuple[tuple[Bias, ...], list[Finding]]:
     """The biases of each IMU over time, with what they say."""
     armed = evidence.of(unharmed).armed
     return look_at_biases(
@@ -199,7 +199,7 @@ def biases(evidence: Evidence) -> tuple[tuple[Bias, ...], list[Finding]]:
     )
 
 
-def receivers(evidence: Evidence) -> tuple[GpsTrack, ...]:
+def receivers(evidence: FlightEvidence) -> tuple[GpsTrack, ...]:
     """The fixes of each receiver with increasing times."""
     return tuple(
         select_rows(gps, np.diff(gps.t_s, prepend=-np.inf) > 0.0)
@@ -207,13 +207,13 @@ def receivers(evidence: Evidence) -> tuple[GpsTrack, ...]:
     )
 
 
-def moves(evidence: Evidence) -> Moves | None:
+def moves(evidence: FlightEvidence) -> Moves | None:
     """The velocities of the first receiver; None without any."""
     fixes = evidence.of(receivers)
     return moves_of(fixes[0]) if fixes else None
 
 
-def force_steps(evidence: Evidence) -> list[Finding]:
+def force_steps(evidence: FlightEvidence) -> list[Finding]:
     """Accelerometers whose bias jumps against the first receiver."""
     velocities, attitude = evidence.of(moves), evidence.of(best)
     if velocities is None or attitude is None:
@@ -223,7 +223,7 @@ def force_steps(evidence: Evidence) -> list[Finding]:
     return look_at_force_steps(evidence.of(alive), found, velocities, lag_s, attitude, armed)
 
 
-def witness(evidence: Evidence) -> ImuTrack | None:
+def witness(evidence: FlightEvidence) -> ImuTrack | None:
     """The IMU that judges receivers: a wrong accelerometer must not; None if all are accused."""
     track, tracks = evidence.of(soundest), evidence.of(alive)
     wrong = {number for step in evidence.of(force_steps) for number in step.sensor.numbers}
@@ -232,13 +232,13 @@ def witness(evidence: Evidence) -> ImuTrack | None:
     return next((one for one in tracks if one.imu + 1 not in wrong), None)
 
 
-def is_reported(evidence: Evidence, kind: Kind, imu: int) -> bool:
+def is_reported(evidence: FlightEvidence, kind: Kind, imu: int) -> bool:
     """Whether a check in flight has said it of an IMU, from 0."""
     sensor = Sensor(SensorKind.IMU, imu + 1)
     return any(f.kind is kind and f.sensor == sensor for f in evidence.flight.findings)
 
 
-def _soundest_as_recorded(evidence: Evidence) -> ImuTrack | None:
+def _soundest_as_recorded(evidence: FlightEvidence) -> ImuTrack | None:
     track = evidence.of(soundest) if evidence.of(has_times) else None
     return next(
         (one for one in evidence.of(sampled) if track is not None and one.imu == track.imu), None

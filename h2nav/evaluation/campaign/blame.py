@@ -21,7 +21,7 @@ from h2nav.evaluation.campaign.shown import (
 )
 from h2nav.integrity.causes import Cause
 from h2nav.integrity.findings import Finding, Severity
-from h2nav.integrity.kinds import Kind, SensorKind
+from h2nav.integrity.kinds import AnyKind, Kind, SensorKind
 from h2nav.sim.faults import Fault
 
 # After a fault the filter may still be wrong, and say so.
@@ -33,7 +33,7 @@ NOBODY = "nobody"
 GYRO, ACCELEROMETER, IMU, COMPASS = "gyro", "accelerometer", "imu", "compass"
 RECEIVER, AUTOPILOT, LINK = "receiver", "autopilot", "link"
 
-NAMES_OF_KINDS: dict[Kind, str] = {
+NAMES_OF_KINDS: dict[AnyKind, str] = {
     Kind.ATTITUDE_VELOCITY: NOBODY,
     Kind.ATTITUDE_GRAVITY: NOBODY,
     Kind.AXIS_STUCK: IMU,

@@ -7,17 +7,17 @@ import importlib
 import pkgutil
 
 from h2nav.integrity.kinds import AnyKind
-from h2nav.reviews.declared import Declared, Subject
+from h2nav.reviews.declared import Declared, ReviewSubject
 
 
-def _subjects() -> tuple[Subject, ...]:
+def _subjects() -> tuple[ReviewSubject, ...]:
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
     modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
     found = [module.SUBJECT for module in modules if hasattr(module, "SUBJECT")]
     return tuple(sorted(found, key=_worst))
 
 
-def _worst(subject: Subject) -> tuple[int, str]:
+def _worst(subject: ReviewSubject) -> tuple[int, str]:
     """What can be worst is named first."""
     return min(one.meaning.worst for one in subject.kinds), subject.name
 

@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import LEADS_S, Brought, Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.heights import HEIGHT_LOST, heights, look_at_heights
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.supply import look_at_barometer
@@ -55,7 +55,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `supply` and `heights`."""
     found = look_at_barometer(evidence.of(parts.recorded))
     context = evidence.of(parts.unharmed)
@@ -67,4 +67,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return [*shown, *(one for one in found if one.kind not in {each.kind for each in shown})]
 
 
-SUBJECT = Subject("barometer", KINDS, (needs.times, needs.barometer), look)
+SUBJECT = ReviewSubject("barometer", KINDS, (needs.times, needs.barometer), look)

@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.supply import look_at_battery
 
@@ -30,9 +30,9 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `supply`."""
     return look_at_battery(evidence.of(parts.recorded))
 
 
-SUBJECT = Subject("battery", KINDS, (needs.times, needs.battery), look)
+SUBJECT = ReviewSubject("battery", KINDS, (needs.times, needs.battery), look)

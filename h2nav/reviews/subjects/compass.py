@@ -6,7 +6,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.compass import look_at_compass
 from h2nav.reviews.dead_compass import look_at_dead
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import CompassFit, FieldTrack
 
@@ -117,7 +117,7 @@ KINDS = (
 Looked = tuple[FieldTrack | None, CompassFit | None, list[Finding]]
 
 
-def compasses(evidence: Evidence) -> tuple[Looked, ...]:
+def compasses(evidence: FlightEvidence) -> tuple[Looked, ...]:
     """Each compass: its field over time, its fit, and what they say."""
     context, flight = evidence.of(parts.in_order), evidence.flight
     is_px4 = "PX4" in f"{flight.autopilot} {context.firmware}"
@@ -133,10 +133,10 @@ def compasses(evidence: Evidence) -> tuple[Looked, ...]:
     )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `dead_compass` and `compass`."""
     found = look_at_dead(evidence.of(parts.dead_rows))
     return [*found, *(one for _, _, own in evidence.of(compasses) for one in own)]
 
 
-SUBJECT = Subject("compasses", KINDS, (needs.times, needs.compass), look)
+SUBJECT = ReviewSubject("compasses", KINDS, (needs.times, needs.compass), look)

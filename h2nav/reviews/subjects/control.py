@@ -11,8 +11,8 @@ from h2nav.reviews.declared import (
     MOTOR_LEADS_S,
     Brought,
     Declared,
-    Evidence,
-    Subject,
+    FlightEvidence,
+    ReviewSubject,
 )
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.subjects import needs
@@ -45,7 +45,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `control`."""
     bins = evidence.of(parts.bins)
     if bins is None:
@@ -53,4 +53,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return look_at_control(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
 
 
-SUBJECT = Subject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)
+SUBJECT = ReviewSubject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)

@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.estimators import look_at_estimators
 from h2nav.reviews.subjects import needs
 
@@ -66,7 +66,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `estimators`."""
     track = evidence.of(parts.witness) or evidence.of(parts.soundest)
     return look_at_estimators(
@@ -78,4 +78,4 @@ def look(evidence: Evidence) -> list[Finding]:
     )
 
 
-SUBJECT = Subject("the autopilot's estimators", KINDS, (needs.times, needs.attitudes), look)
+SUBJECT = ReviewSubject("the autopilot's estimators", KINDS, (needs.times, needs.attitudes), look)

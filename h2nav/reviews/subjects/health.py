@@ -7,7 +7,7 @@ from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import FlightKind, Meaning
 from h2nav.recordings.context import SensorHealth
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.inertial import joined, runs, within
 from h2nav.reviews.subjects import needs
 
@@ -39,7 +39,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """One finding for each sensor and each time that it was dead while armed."""
     context = evidence.of(parts.recorded)
     return [
@@ -50,7 +50,7 @@ def look(evidence: Evidence) -> list[Finding]:
     ]
 
 
-def _dead(health: SensorHealth, evidence: Evidence) -> list[Finding]:
+def _dead(health: SensorHealth, evidence: FlightEvidence) -> list[Finding]:
     armed = within(health.t_s, evidence.of(parts.recorded).armed)
     dead = (health.healthy == 0.0) & armed
     # One that never answered is not fitted.
@@ -82,4 +82,6 @@ def _dead(health: SensorHealth, evidence: Evidence) -> list[Finding]:
     return found
 
 
-SUBJECT = Subject("health of the sensors", KINDS, (needs.times, needs.armed), look, is_told=False)
+SUBJECT = ReviewSubject(
+    "health of the sensors", KINDS, (needs.times, needs.armed), look, is_told=False
+)

@@ -10,8 +10,8 @@ from h2nav.reviews.declared import (
     MOTOR_LEADS_S,
     Brought,
     Declared,
-    Evidence,
-    Subject,
+    FlightEvidence,
+    ReviewSubject,
     Trait,
 )
 from h2nav.reviews.heights import HEIGHT_LOST
@@ -81,7 +81,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `impacts`."""
     bins, blows = evidence.of(parts.bins), evidence.of(parts.blows)
     if bins is None:
@@ -92,4 +92,6 @@ def look(evidence: Evidence) -> list[Finding]:
     ]
 
 
-SUBJECT = Subject("crash and landing", KINDS, (*needs.ALWAYS, needs.armed, needs.impact), look)
+SUBJECT = ReviewSubject(
+    "crash and landing", KINDS, (*needs.ALWAYS, needs.armed, needs.impact), look
+)

@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import AnyKind, Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.gyro_scale import look_at_gyro_scale
 from h2nav.reviews.standstill import look_at_rest
 from h2nav.reviews.subjects import needs
@@ -111,7 +111,7 @@ KINDS = (
 )
 
 
-# Evidence at rest needs no attitude, and is more reliable than these by an attitude.
+# FlightEvidence at rest needs no attitude, and is more reliable than these by an attitude.
 REPLACED_AT_REST: dict[AnyKind, tuple[AnyKind, ...]] = {
     Kind.GYRO_BIAS: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
     Kind.ACCELEROMETER_SCALE: (Kind.ACCELEROMETER_BIAS,),
@@ -119,7 +119,7 @@ REPLACED_AT_REST: dict[AnyKind, tuple[AnyKind, ...]] = {
 }
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `standstill`, `sensor_bias` and `gyro_scale`."""
     rests = evidence.of(parts.rests)
     found = [one for imu, rest in rests.items() for one in look_at_rest(rest, imu)]
@@ -132,4 +132,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return found
 
 
-SUBJECT = Subject("IMUs", KINDS, needs.ALWAYS, look)
+SUBJECT = ReviewSubject("IMUs", KINDS, needs.ALWAYS, look)

@@ -2,7 +2,7 @@
 
 from h2nav.integrity.findings import Finding, Kind
 from h2nav.integrity.kinds import MEANINGS
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects.health import SENSOR_DEAD
 
 KINDS = (
@@ -190,9 +190,9 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """None of its own: the checks in flight have looked."""
     return []
 
 
-SUBJECT = Subject("checks in flight", KINDS, (), look, is_told=False)
+SUBJECT = ReviewSubject("checks in flight", KINDS, (), look, is_told=False)

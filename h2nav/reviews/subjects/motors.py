@@ -9,8 +9,8 @@ from h2nav.reviews.declared import (
     LEADS_S,
     Brought,
     Declared,
-    Evidence,
-    Subject,
+    FlightEvidence,
+    ReviewSubject,
     Trait,
 )
 from h2nav.reviews.heights import HEIGHT_LOST
@@ -70,7 +70,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `motors`."""
     bins = evidence.of(parts.bins)
     if bins is None:
@@ -78,4 +78,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return look_at_motors(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
 
 
-SUBJECT = Subject("motors", KINDS, (*needs.ALWAYS, needs.motors, needs.flight), look)
+SUBJECT = ReviewSubject("motors", KINDS, (*needs.ALWAYS, needs.motors, needs.flight), look)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Evidence, Need
+from h2nav.reviews.declared import FlightEvidence, Need
 from h2nav.reviews.supply import BATTERY, reported
 
 # A blow lasts for some 20 ms; a vehicle itself moves with up to 5 Hz, and a vibration is what is
@@ -12,34 +12,34 @@ BLOW_HZ, SHAKEN_HZ = 45.0, 20.0
 FEWEST_SOURCES = 2
 
 
-def times(evidence: Evidence) -> str:
+def times(evidence: FlightEvidence) -> str:
     """Times of arrival."""
     return "" if evidence.of(parts.has_times) else "no times of arrival"
 
 
-def imu(evidence: Evidence) -> str:
+def imu(evidence: FlightEvidence) -> str:
     """Samples of an IMU."""
     return "" if evidence.of(parts.sampled) else "no IMU samples"
 
 
-def armed(evidence: Evidence) -> str:
+def armed(evidence: FlightEvidence) -> str:
     """Motors that could turn."""
     return "" if evidence.of(parts.recorded).armed else "never armed"
 
 
-def flight(evidence: Evidence) -> str:
+def flight(evidence: FlightEvidence) -> str:
     """Motors that carried it."""
     if why := armed(evidence):
         return why
     return "" if evidence.of(parts.flown) else "it did not fly"
 
 
-def motors(evidence: Evidence) -> str:
+def motors(evidence: FlightEvidence) -> str:
     """Outputs of motors."""
     return "no motor outputs" if evidence.of(parts.recorded).motors is None else ""
 
 
-def demand(evidence: Evidence) -> str:
+def demand(evidence: FlightEvidence) -> str:
     """An attitude and what was demanded of it."""
     context = evidence.of(parts.recorded)
     if context.demand is None:
@@ -47,7 +47,7 @@ def demand(evidence: Evidence) -> str:
     return "" if context.attitudes else "no attitude of the autopilot"
 
 
-def battery(evidence: Evidence) -> str:
+def battery(evidence: FlightEvidence) -> str:
     """A voltage, or a report of the autopilot."""
     context = evidence.of(parts.recorded)
     known = any(np.isfinite(one.voltage_v).any() for one in context.batteries)
@@ -55,17 +55,17 @@ def battery(evidence: Evidence) -> str:
     return "" if known else "no battery"
 
 
-def barometer(evidence: Evidence) -> str:
+def barometer(evidence: FlightEvidence) -> str:
     """A height by pressure."""
     return "no barometer" if evidence.of(parts.recorded).baro_height_m is None else ""
 
 
-def attitudes(evidence: Evidence) -> str:
+def attitudes(evidence: FlightEvidence) -> str:
     """An attitude of the autopilot."""
     return "" if evidence.of(parts.recorded).attitudes else "no attitude of the autopilot"
 
 
-def compass(evidence: Evidence) -> str:
+def compass(evidence: FlightEvidence) -> str:
     """A compass, and an attitude and a place to judge its field by."""
     has_field = any(np.isfinite(t.m_b_ut).any() for t in evidence.of(parts.field_tracks))
     if evidence.of(parts.dead_rows):
@@ -77,12 +77,12 @@ def compass(evidence: Evidence) -> str:
     return "" if len(evidence.flight.earth.t_s) else "no place, so the earth's field is unknown"
 
 
-def fix(evidence: Evidence) -> str:
+def fix(evidence: FlightEvidence) -> str:
     """A receiver that reports; one that never had a fix is a finding."""
     return "" if any(len(gps.t_s) for gps in evidence.of(parts.recorded).gps) else "no receiver"
 
 
-def impact(evidence: Evidence) -> str:
+def impact(evidence: FlightEvidence) -> str:
     """Samples quick enough for a blow, or two sources of vertical speed."""
     rate = evidence.of(parts.rate_hz)
     if rate >= BLOW_HZ or len(evidence.of(parts.vertical)) >= FEWEST_SOURCES:
@@ -90,7 +90,7 @@ def impact(evidence: Evidence) -> str:
     return f"{rate:.0f} samples a second show no blow, and two heights were not logged"
 
 
-def shaking(evidence: Evidence) -> str:
+def shaking(evidence: FlightEvidence) -> str:
     """Samples quick enough for a vibration."""
     rate = evidence.of(parts.rate_hz)
     return "" if rate >= SHAKEN_HZ else f"{rate:.0f} samples a second show none"

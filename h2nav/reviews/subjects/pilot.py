@@ -6,7 +6,7 @@ from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import FlightKind, Meaning
 from h2nav.recordings.context import Context
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.impacts import Bins, Impact
 from h2nav.reviews.subjects import needs
 
@@ -40,7 +40,7 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """The first crash, if the throttle was low throughout the descent that it ended."""
     crashes, bins = evidence.of(parts.crashes), evidence.of(parts.bins)
     if not crashes or bins is None or not np.isfinite(crashes[0].speed_m_s):
@@ -89,4 +89,4 @@ def _sticks(context: Context, from_s: float, to_s: float) -> str:
     return f"; sticks: throttle at {throttle:.0%}, pitch at {pitch:+.0%}"
 
 
-SUBJECT = Subject("the pilot's demand", KINDS, (needs.times, needs.imu), look, is_told=False)
+SUBJECT = ReviewSubject("the pilot's demand", KINDS, (needs.times, needs.imu), look, is_told=False)

@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.force_steps import REACH_S
 from h2nav.reviews.receiver import look_at_receiver
 from h2nav.reviews.subjects import needs
@@ -85,7 +85,7 @@ KINDS = (
 )
 
 
-def receivers(evidence: Evidence) -> tuple[tuple[Receiver, list[Finding]], ...]:
+def receivers(evidence: FlightEvidence) -> tuple[tuple[Receiver, list[Finding]], ...]:
     """Each receiver over time, and what that says."""
     track = evidence.of(parts.witness)
     return tuple(
@@ -101,7 +101,7 @@ def receivers(evidence: Evidence) -> tuple[tuple[Receiver, list[Finding]], ...]:
     )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `receiver` and `force_steps`."""
     found = [own for _, own in evidence.of(receivers)]
     steps = evidence.of(parts.force_steps)
@@ -127,4 +127,4 @@ def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:
     return explained
 
 
-SUBJECT = Subject("GPS", KINDS, (needs.times, needs.fix), look)
+SUBJECT = ReviewSubject("GPS", KINDS, (needs.times, needs.fix), look)

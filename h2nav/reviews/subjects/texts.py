@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import LEADS_S, Brought, Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.estimators import look_at_texts
 from h2nav.reviews.subjects import needs
 
@@ -24,11 +24,7 @@ KINDS = (
     Declared(
         Kind.SAID_CRASH,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
-        phrase=lambda one: (
-            "the autopilot reported a loss of thrust"
-            if "hrust" in one.evidence
-            else "the autopilot reported a crash"
-        ),
+        phrase="the autopilot reported a crash or a loss of thrust",
         brought=tuple(
             Brought(kind, LEADS_S)
             for kind in (Kind.MOTOR_FAILED, Kind.MOTOR_SATURATED, Kind.BATTERY)
@@ -77,9 +73,9 @@ KINDS = (
 )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `estimators`."""
     return look_at_texts(evidence.of(parts.recorded))
 
 
-SUBJECT = Subject("texts of the autopilot", KINDS, (needs.times,), look)
+SUBJECT = ReviewSubject("texts of the autopilot", KINDS, (needs.times,), look)

@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects.health import SENSOR_DEAD
 from h2nav.reviews.timing import look_at_pauses, look_at_slow_log, look_at_timing
 from h2nav.reviews.tracks import TimingTrack
@@ -112,7 +112,7 @@ KINDS = (
 )
 
 
-def timings(evidence: Evidence) -> tuple[tuple[TimingTrack, list[Finding]], ...]:
+def timings(evidence: FlightEvidence) -> tuple[tuple[TimingTrack, list[Finding]], ...]:
     """Each IMU: its rate, gaps and lateness, and what they say."""
     context = evidence.of(parts.recorded)
     # Where nothing at all was recorded, no sensor is to blame.
@@ -122,7 +122,7 @@ def timings(evidence: Evidence) -> tuple[tuple[TimingTrack, list[Finding]], ...]
     )
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `timing`."""
     found = [one for _, own in evidence.of(timings) for one in own]
     seldom = []
@@ -135,4 +135,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return [*look_at_pauses(evidence.of(parts.paused)), *found, *seldom]
 
 
-SUBJECT = Subject("samples and clocks", KINDS, (), look, is_told=False)
+SUBJECT = ReviewSubject("samples and clocks", KINDS, (), look, is_told=False)

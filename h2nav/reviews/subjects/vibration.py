@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, Evidence, Subject
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.shaking import look_at_shaking
 from h2nav.reviews.spectra import look_at_spectra, look_at_vibration
 from h2nav.reviews.subjects import needs
@@ -43,7 +43,7 @@ KINDS = (
 )
 
 
-def levels(evidence: Evidence) -> tuple[tuple[Vibrations, ...], list[Finding]]:
+def levels(evidence: FlightEvidence) -> tuple[tuple[Vibrations, ...], list[Finding]]:
     """The level of each IMU, and what it says."""
     armed = evidence.of(parts.recorded).armed
     looked = [
@@ -55,13 +55,13 @@ def levels(evidence: Evidence) -> tuple[tuple[Vibrations, ...], list[Finding]]:
     return tuple(level for level, _ in looked), [one for _, found in looked for one in found]
 
 
-def spectra(evidence: Evidence) -> tuple[tuple[Spectrum, ...], list[Finding]]:
+def spectra(evidence: FlightEvidence) -> tuple[tuple[Spectrum, ...], list[Finding]]:
     """Gyro and accelerometer of each IMU by frequency, and what they say."""
     context = evidence.of(parts.recorded)
     return look_at_spectra(evidence.of(parts.sampled), context.bursts, context.armed)
 
 
-def look(evidence: Evidence) -> list[Finding]:
+def look(evidence: FlightEvidence) -> list[Finding]:
     """See `spectra` and `shaking`."""
     found = [*evidence.of(levels)[1], *evidence.of(spectra)[1]]
     bins = evidence.of(parts.bins)
@@ -73,4 +73,4 @@ def look(evidence: Evidence) -> list[Finding]:
     return found
 
 
-SUBJECT = Subject("vibration", KINDS, (needs.imu, needs.shaking), look)
+SUBJECT = ReviewSubject("vibration", KINDS, (needs.imu, needs.shaking), look)

@@ -12,7 +12,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import MEANINGS, FlightKind
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
-from h2nav.reviews.declared import Evidence
+from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.subjects import KINDS, SECTIONS, SUBJECTS
 
 
@@ -64,7 +64,7 @@ def test_evidence_is_worked_out_once():
         asked.append(evidence.flight.name)
         return len(asked)
 
-    evidence = Evidence(flight())
+    evidence = FlightEvidence(flight())
     assert evidence.of(part) == evidence.of(part) == 1
 
 
@@ -79,7 +79,7 @@ def a_step(imu):
 def test_a_receiver_is_judged_by_force_and_rest_of_the_same_sound_imu(imu):
     """An accelerometer that jumped judges no receiver, nor does its gravity at rest."""
     flown = flight(imus=3)
-    evidence = Evidence(flown)
+    evidence = FlightEvidence(flown)
     evidence._known[parts.force_steps] = [a_step(imu)]
     track = evidence.of(parts.witness)
     assert track.imu + 1 != imu
@@ -87,7 +87,7 @@ def test_a_receiver_is_judged_by_force_and_rest_of_the_same_sound_imu(imu):
 
 
 def test_where_every_accelerometer_jumped_none_judges_the_receiver():
-    evidence = Evidence(flight(imus=2))
+    evidence = FlightEvidence(flight(imus=2))
     evidence._known[parts.force_steps] = [a_step(1), a_step(2)]
     assert evidence.of(parts.witness) is None
 
