@@ -31,7 +31,8 @@ SENDER = (1, 1)
 # The autopilot has run for a while, and the companion's clock is another one.
 BOOT_US, HOST_NS = 30_000_000, 1_000_000_000_000
 UNIX_S = 1_795_000_000.0
-LONGITUDE_DEG, ALTITUDE_M = 8.5, 450.0
+# Of the Alps, and south of the equator of Australia: the South Atlantic has half the usual field.
+NORTHERN_DEG, SOUTHERN_DEG, ALTITUDE_M = 8.5, 147.0, 450.0
 EARTH_RADIUS_M = 6_371_000.0
 HOUR_S = 3600.0
 BLOCK = 2048
@@ -74,7 +75,9 @@ def simulated(draw: Draw, field: EarthField) -> DrawnFlight:
 
 def place_of(draw: Draw) -> Place:
     """Where a flight starts."""
-    return Place(draw.flight.latitude_deg, LONGITUDE_DEG, ALTITUDE_M)
+    latitude_deg = draw.flight.latitude_deg
+    longitude_deg = NORTHERN_DEG if latitude_deg >= 0.0 else SOUTHERN_DEG
+    return Place(latitude_deg, longitude_deg, ALTITUDE_M)
 
 
 def events(flight: DrawnFlight) -> Iterator[Event]:

@@ -23,7 +23,7 @@ TRUTHFUL_DEG = 5.0
 # Beyond these a compass is disturbed, whoever says so: 5 % of iron turn a level heading by 10 deg
 # where the field is steep (dip 70 deg), and the norm by as much.
 DISTURBED_DEG, DISTURBED_SHARE = 8.0, 0.1
-# For this long the receiver must have been truthful and the vehicle accelerated, or unaccelerated.
+# For this long a sensor must have been truthful, and the vehicle accelerated, or unaccelerated.
 WINDOW_S = 10
 ENOUGH_M_S2, STILL_M_S2 = 1.0, 0.3
 NOISY_M_S = 0.5
@@ -50,7 +50,7 @@ def shown(flight: DrawnFlight) -> ShownBySensors:
     truthful = np.zeros(len(seconds), np.bool_)
     for number, (error_deg, _) in enumerate(errors):
         sound = ~faulty(draw, COMPASS_FAULTS, seconds, number)
-        truthful |= (np.abs(error_deg) < TRUTHFUL_DEG) & sound
+        truthful |= _lasting((np.abs(error_deg) < TRUTHFUL_DEG) & sound)
     disturbed = tuple(
         ~((np.abs(error) < DISTURBED_DEG) & (np.abs(share) < DISTURBED_SHARE))
         for error, share in errors
