@@ -47,6 +47,7 @@ NAMES_OF_KINDS: dict[AnyKind, str] = {
     Kind.LATE_BURSTS: LINK,
     Kind.IMU_SLOW: LINK,
 }
+COMPARISONS, BACKS_US = (Kind.AUTOPILOT_HEADING, Kind.AUTOPILOT_TILT), "GPS backs us"
 BY_BEGINNING = {"accelerometer": ACCELEROMETER, "gyro": GYRO, "compass": COMPASS, "gps": RECEIVER}
 BY_SENSOR = {
     SensorKind.AUTOPILOT: AUTOPILOT,
@@ -78,6 +79,9 @@ class Told(NamedTuple):
         finding = self.finding
         if finding.sensor.others and finding.sensor.number is None:
             return NOBODY  # one of several
+        if finding.kind in COMPARISONS:
+            # Otherwise it says that we are wrong, or does not say who is.
+            return AUTOPILOT if BACKS_US in finding.text else NOBODY
         if finding.kind in NAMES_OF_KINDS:
             return NAMES_OF_KINDS[finding.kind]
         word = finding.kind.value.partition("_")[0]

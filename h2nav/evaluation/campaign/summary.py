@@ -37,9 +37,9 @@ def _beyond(wrong_s: float) -> float:
 
 
 def worst(rows: Sequence[Row], count: int = WORST) -> list[Row]:
-    """The worst flights, the worst first."""
+    """The worst flights, the worst first; those with next to nothing wrong are left out."""
     ordered = sorted(rows, key=lambda row: (-badness(row), row["seed"]))
-    return [row for row in ordered[:count] if badness(row) > 0.0]
+    return [row for row in ordered[:count] if badness(row) >= 1.0]
 
 
 def summary(rows: Sequence[Row]) -> Row:

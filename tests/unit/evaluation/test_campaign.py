@@ -298,15 +298,14 @@ def test_errors_of_a_draw_name_file_key_and_remedy(text, said, tmp_path):
 # --- whom they hold to account ------------------------------------------------------------------
 
 
-def said(kind, sensor, from_s, to_s=None, told_s=None):
-    found = Finding(
-        kind, sensor, Severity.WARNING, from_s, to_s or from_s + 5.0, 1.0, "", "text", "evidence"
-    )
+def said(kind, sensor, from_s, told_s=None, text="text"):
+    found = Finding(kind, sensor, Severity.WARNING, from_s, from_s + 5.0, 1.0, "", text, "evidence")
     return Told(told_s or from_s + 1.0, found)
 
 
 IMU_1, IMU_2 = Sensor(SensorKind.IMU, 1), Sensor(SensorKind.IMU, 2)
 GPS, COMPASS = Sensor(SensorKind.GPS), Sensor(SensorKind.COMPASS)
+AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
 
 @pytest.mark.parametrize(
@@ -329,7 +328,17 @@ GPS, COMPASS = Sensor(SensorKind.GPS), Sensor(SensorKind.COMPASS)
         ("gps-step=5@100+20", [said(Kind.GPS_VELOCITY, GPS, 101.0)], "right"),
         (
             "autopilot-tilt=9@100+20",
-            [said(Kind.AUTOPILOT_TILT, Sensor(SensorKind.AUTOPILOT), 101.0)],
+            [said(Kind.AUTOPILOT_TILT, AUTOPILOT, 101.0, text="tilt off 9 deg, GPS backs us")],
+            "right",
+        ),
+        (
+            "autopilot-tilt=9@100+20",
+            [said(Kind.AUTOPILOT_TILT, AUTOPILOT, 101.0, text="our tilt off 9 deg")],
+            "undecided",
+        ),
+        (
+            "gps-lag=0.5@100+20",
+            [said(Kind.ATTITUDE_VELOCITY, GPS, 101.0, text="velocity contradicts: latency")],
             "right",
         ),
     ],
