@@ -88,7 +88,8 @@ class Recorded(NamedTuple):
     fix_us: Times = np.empty(0, np.int64)  # (N,) times of its fixes, on the autopilot's clock
     flown: AttitudeTrack | None = None  # attitude that the autopilot used for control
     second: AttitudeTrack | None = None  # attitude of its second estimator, as in AHRS2
-    airspeed_m_s: Series | None = None  # (N,) along the nose; None without
+    airspeed_m_s: Series | None = None  # (N,) of a sensor, along the nose; None without
+    airspeed_is_true: bool = False  # corrected by the density of the air
     settings: tuple[Setting, ...] = ()  # parameters, in order
     origin: Place | None = None  # where the vehicle started; None if unknown
 
@@ -266,8 +267,11 @@ def _airspeeds(recorded: Recorded, airspeed: Series) -> _Stream:
     values = airspeed.values
     return _Stream(
         _boot_us(recorded.start_us, airspeed.t_s),
-        mavlink.MAVLINK_MSG_ID_VFR_HUD,
-        lambda part: (Airspeed(v if v > 0.0 else None) for v in values[part].tolist()),
+        mavlink.MAVLINK_MSG_ID_AIRSPEED,
+        lambda part: (
+            Airspeed(v if v > 0.0 else None, recorded.airspeed_is_true)
+            for v in values[part].tolist()
+        ),
     )
 
 

@@ -40,6 +40,8 @@ NO_SAMPLE = 2**31 - 1
 MAX_BOARD_V = 10.0
 MAX_TELEMETRY_V = 65.5349  # 65.535 means unknown
 SEA_LEVEL_HPA = 1013.25
+# AirspeedValidated.msg: 1 to 3 are sensors, -1 none, 0 ground speed less wind, 4 a model.
+FIRST_AIRSPEED_SENSOR, LAST_AIRSPEED_SENSOR = 1, 3
 NO_RATES, NO_ATTITUDE = 0b111, 0b1000_0000  # ATTITUDE_TARGET.type_mask: what is to be ignored
 
 
@@ -121,6 +123,17 @@ def used_airspeed(table: Table, name: str) -> Array:
     values = table.numbers(name)
     is_used = table.integers("U") != 0 if "U" in table else np.ones(len(values), np.bool_)
     return np.where(is_used & (np.abs(np.nan_to_num(values)) <= FASTEST_M_S), values, np.nan)
+
+
+def measured_airspeed(table: Table, name: str) -> Array:
+    """Where it is a sensor's, and not ground speed less wind or a model of the vehicle."""
+    values = table.numbers(name)
+    good = np.abs(np.nan_to_num(values)) <= FASTEST_M_S
+    for column_name in ("airspeed_source", "selected_airspeed_index"):
+        if column_name in table:
+            source = table.integers(column_name)
+            good &= (source >= FIRST_AIRSPEED_SENSOR) & (source <= LAST_AIRSPEED_SENSOR)
+    return np.where(good, values, np.nan)
 
 
 def range_in_use(table: Table, name: str) -> Array:
@@ -320,12 +333,8 @@ SERIES = (
         "m/s",
         dataflash=tuple(series(name, "Airspeed", form=used_airspeed) for name in ("ARSP", "ASP")),
         ulog=tuple(
-            series(topic, name, largest=FASTEST_M_S)
-            for topic, name in (
-                ("airspeed_validated", "true_airspeed_m_s"),
-                ("airspeed", "true_airspeed_m_s"),
-                ("airspeed", "indicated_airspeed_m_s"),
-            )
+            series(topic, "true_airspeed_m_s", form=measured_airspeed)
+            for topic in ("airspeed_validated", "airspeed")
         ),
     ),
     Field(

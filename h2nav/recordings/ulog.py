@@ -151,6 +151,7 @@ def recorded(file: ULogFile) -> Recorded:
         fix_us,
         flown=attitudes[0] if attitudes else None,
         airspeed_m_s=context.measured["airspeed_m_s"],
+        airspeed_is_true=True,
         settings=settings,
     )
 

@@ -1,7 +1,9 @@
 """Converts MAVLink messages other than IMU messages into records for the filter.
 
 GPS_RAW_INT gives the receiver's own velocity (independent of the autopilot's estimator);
-LOCAL_POSITION_NED is the estimator's, used only on request. Position and date give the earth field.
+LOCAL_POSITION_NED is the estimator's, used only on request. AIRSPEED is a sensor's; the airspeed of
+VFR_HUD is the estimator's (without a sensor wholly), and is not used. Position and date give the
+earth field.
 """
 
 import math
@@ -9,6 +11,7 @@ from collections.abc import Callable
 
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.integrity.witness import Witness
+from h2nav.maths.air import standard_density_kg_m3, true_airspeed_m_s
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
 from h2nav.service.estimation import Estimation
@@ -124,7 +127,8 @@ class Aiding:
         self._witness = witness
         self._fixes = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeeds = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
-        self._airspeed_m_s: float | None = None
+        self._airspeed_m_s: float | None = None  # true
+        self._altitude_m = 0.0
         self._airspeed_ns = 0
         self._passed: VehicleState | None = None
 
@@ -159,9 +163,15 @@ class Aiding:
         flies_forward = identity is not None and identity.is_fixed_wing
         usable = measured.airspeed_m_s is not None and self._settings.airspeed and flies_forward
         if usable and self._airspeeds.allows(t_ns):
-            self._airspeed_m_s = measured.airspeed_m_s
+            self._airspeed_m_s = self._true_airspeed_m_s(measured)
             self._airspeed_ns = t_ns
         return self.pass_vehicle(t_ns)
+
+    def _true_airspeed_m_s(self, measured: Airspeed) -> float | None:
+        """By the standard atmosphere at the receiver's altitude."""
+        if measured.airspeed_m_s is None or measured.is_true:
+            return measured.airspeed_m_s
+        return true_airspeed_m_s(measured.airspeed_m_s, standard_density_kg_m3(self._altitude_m))
 
     def on_system_time(self, time: SystemTime) -> list[Effect]:
         """Takes the date for the field model."""
@@ -171,6 +181,7 @@ class Aiding:
 
     def on_place(self, t_ns: int, place: Place) -> list[Effect]:
         """Takes the vehicle's position."""
+        self._altitude_m = place.altitude_m
         field = self._field.at(t_ns, place)
         if field is None:
             return []

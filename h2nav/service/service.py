@@ -19,7 +19,7 @@ from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.preflight import GroundVerdict
 from h2nav.service import comparing, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
-from h2nav.service.autopilot import Autopilot, Heard, Sender
+from h2nav.service.autopilot import Autopilot, Heard, Identity, Sender
 from h2nav.service.before_arming import BeforeArming, reasons_in
 from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
@@ -456,7 +456,7 @@ class Service:
         self._start_over()
         self._units = UnitsCheck()
         self._streams = StreamRequests(
-            self._wishes(identity.autopilot),
+            self._wishes(identity),
             identity.autopilot,
             self._settings.autopilot.request_streams,
         )
@@ -680,9 +680,9 @@ class Service:
     def _ours(self) -> Sender:
         return self.system_id, self._settings.output.component_id
 
-    def _wishes(self, autopilot: int) -> tuple[Wish, ...]:
+    def _wishes(self, identity: Identity) -> tuple[Wish, ...]:
         """The streams to request from this autopilot, the most important first."""
-        wanted = self._settings
+        wanted, autopilot = self._settings, identity.autopilot
         first, *others = preference(autopilot, wanted.autopilot.imu_message)
         wishes = [Wish(first, wanted.autopilot.imu_rate_hz, tuple(others))]
         is_raw = autopilot in IMU_MESSAGES[first].raw_field_of
@@ -693,8 +693,6 @@ class Service:
             wishes.append(Wish(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5.0))
         wishes.append(Wish(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1.0))
         wishes.append(Wish(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0))
-        if wanted.aiding.airspeed:
-            wishes.append(Wish(mavlink.MAVLINK_MSG_ID_VFR_HUD, 4.0))
         if wanted.autopilot.simulation_truth:
             truth = mavlink.MAVLINK_MSG_ID_SIMSTATE
             wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
@@ -706,6 +704,8 @@ class Service:
             for lane in lanes
         ]
         optional += comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
+        if wanted.aiding.airspeed and identity.is_fixed_wing:
+            optional.append(Wish(mavlink.MAVLINK_MSG_ID_AIRSPEED, 4.0, is_optional=True))
         optional.append(Wish(mavlink.MAVLINK_MSG_ID_VIBRATION, 2.0, is_optional=True))
         return (*wishes, *self.motion.wishes, *optional)
 

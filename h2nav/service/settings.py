@@ -108,7 +108,7 @@ class AidingSettings:
         gps_velocity: fuse the GPS velocity of GPS_RAW_INT.
         autopilot_velocity: fuse LOCAL_POSITION_NED, the autopilot's own estimate. The result is
             then *not independent* of the autopilot, and every log says so.
-        airspeed: use the airspeed of VFR_HUD on a fixed wing.
+        airspeed: use the measured airspeed (AIRSPEED) on a fixed wing.
     """
 
     gps_velocity: bool = True

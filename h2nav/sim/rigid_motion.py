@@ -19,6 +19,7 @@ class RigidMotion(NamedTuple):
     a_n: Vec3  # acceleration, NED, m/s^2, without gravity
     v_n: Vec3  # velocity, NED, m/s
     p_n: Vec3  # position, NED, m from the start of the scenario
+    air_n: Vec3 = ORIGIN  # velocity of the air (wind), NED, m/s
 
 
 class EulerAngles(NamedTuple):
@@ -123,4 +124,5 @@ def of_multirotor(path: Path, wind: Path, yaw: Jet, drag_per_s: float) -> RigidM
         0.0,
         0.0,
     )
-    return from_angles(EulerAngles(roll, pitch, yaw), path)
+    air_n = (wind.north[1], wind.east[1], wind.down[1])
+    return from_angles(EulerAngles(roll, pitch, yaw), path)._replace(air_n=air_n)

@@ -11,12 +11,14 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths import quaternion
+from h2nav.maths.air import SEA_LEVEL_KG_M3, standard_density_kg_m3
 from h2nav.maths.units import DEG
 from h2nav.sim.rigid_motion import specific_force
 from h2nav.sim.vehicle import Vehicle
 
 UNKNOWN_U16 = 0xFFFF
 INT16_END = 32767
+NO_TEMPERATURE = INT16_END
 AUTOPILOT_COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
 
 
@@ -116,17 +118,37 @@ def local_position_ned(vehicle: Vehicle) -> Any:
 
 
 def vfr_hud(vehicle: Vehicle) -> Any:
-    """Speeds and heading as on a head-up display."""
+    """Speeds and heading as on a head-up display; the speed through the air is an estimate."""
     north, east, down = vehicle.motion.v_n
-    ground_speed = math.hypot(north, east)
     return mavlink.MAVLink_vfr_hud_message(
-        ground_speed,
-        ground_speed,
+        _calibrated(vehicle, math.dist(vehicle.motion.v_n, vehicle.motion.air_n)),
+        math.hypot(north, east),
         int(vehicle.estimate.yaw / DEG % 360.0),
         round(100.0 * vehicle.throttle),
         vehicle.geographic()[2],
         -down,
     )
+
+
+def airspeed(vehicle: Vehicle) -> Any | None:
+    """A sensor along the nose, which only fixed wings have."""
+    if vehicle.scenario.mav_type != mavlink.MAV_TYPE_FIXED_WING:
+        return None
+    motion = vehicle.motion
+    through_air = [v - air for v, air in zip(motion.v_n, motion.air_n, strict=True)]
+    ahead = quaternion.rotate(motion.q_nb, (1.0, 0.0, 0.0))
+    along_nose = sum(v * x for v, x in zip(through_air, ahead, strict=True))
+    calibrated = _calibrated(vehicle, max(along_nose, 0.0))
+    pressure_hpa = 0.01 * 0.5 * SEA_LEVEL_KG_M3 * calibrated**2
+    return mavlink.MAVLink_airspeed_message(
+        0, calibrated, NO_TEMPERATURE, pressure_hpa, mavlink.AIRSPEED_SENSOR_USING
+    )
+
+
+def _calibrated(vehicle: Vehicle, true_m_s: float) -> float:
+    """The airspeed of an instrument that knows no density."""
+    _, _, altitude_m = vehicle.geographic()
+    return true_m_s * math.sqrt(standard_density_kg_m3(altitude_m) / SEA_LEVEL_KG_M3)
 
 
 def home_position(vehicle: Vehicle) -> Any:
@@ -220,6 +242,7 @@ ALL_AUTOPILOTS: tuple[Stream, ...] = (
         group=mavlink.MAV_DATA_STREAM_POSITION,
     ),
     Stream(vfr_hud, mavlink.MAVLink_vfr_hud_message, group=mavlink.MAV_DATA_STREAM_EXTRA2),
+    Stream(airspeed, mavlink.MAVLink_airspeed_message),
     Stream(home_position, mavlink.MAVLink_home_position_message),
     Stream(extended_sys_state, mavlink.MAVLink_extended_sys_state_message),
     Stream(

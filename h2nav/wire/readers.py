@@ -71,7 +71,7 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: vehicle.landed_state,
     mavlink.MAVLINK_MSG_ID_STATUSTEXT: vehicle.status_text,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: vehicle.system_time,
-    mavlink.MAVLINK_MSG_ID_VFR_HUD: vehicle.airspeed,
+    mavlink.MAVLINK_MSG_ID_AIRSPEED: vehicle.airspeed,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: vehicle.time_sync,
     mavlink.MAVLINK_MSG_ID_VIBRATION: vehicle.vibration,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: vehicle.command_ack,

@@ -46,9 +46,10 @@ class SystemTime(NamedTuple):
 
 
 class Airspeed(NamedTuple):
-    """VFR_HUD."""
+    """AIRSPEED: of a sensor. That of VFR_HUD is the autopilot's own estimate, and is not read."""
 
     airspeed_m_s: float | None  # along the nose; None without a measurement
+    is_true: bool = False  # corrected by the air's density, as in PX4's logs; else calibrated
 
 
 class TimeSyncMessage(NamedTuple):
@@ -124,8 +125,9 @@ def system_time(m: Any) -> SystemTime:
 
 
 def airspeed(m: Any) -> Airspeed:
-    """VFR_HUD, with NaN where there is no sensor; rejects a speed beyond any aircraft's."""
-    if math.isnan(m.airspeed):
+    """AIRSPEED of the first sensor, unless it is unhealthy; rejects one beyond any aircraft's."""
+    is_unhealthy = m.flags & mavlink.AIRSPEED_SENSOR_UNHEALTHY
+    if m.id != 0 or is_unhealthy or math.isnan(m.airspeed):
         return Airspeed(None)
     need_within("airspeed_out_of_range", FASTEST_AIRSPEED_M_S, m.airspeed)
     return Airspeed(m.airspeed if m.airspeed > 0.0 else None)

@@ -243,3 +243,20 @@ def test_where_no_row_has_a_time_the_loops_count(tmp_path: Path):
     writer.add("PM", "HH", "NLon,NLoop", t_us[::100], 1, 1000)
     (track,) = dataflash(tmp_path, writer).attitudes
     assert np.ptp(track.t_s) == pytest.approx(60.0, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["airspeed_source", "selected_airspeed_index"])
+def test_an_airspeed_is_one_where_a_sensor_has_measured_it(tmp_path, name):
+    writer = ULogWriter()
+    sources = np.repeat([1, 0, 3, 4, -1], len(TIMES) // 5)
+    fields = f"float true_airspeed_m_s;int8_t {name}"
+    writer.add("airspeed_validated", fields, TIMES, 20.0, sources)
+    measured = ulog(tmp_path, writer).measured["airspeed_m_s"]
+    at = np.searchsorted(measured.t_s, 1e-6 * (TIMES - START_US) - 1e-9)
+    known = [
+        index < len(measured.t_s)
+        and abs(measured.t_s[index] - 1e-6 * (t - START_US)) < 1e-6
+        and np.isfinite(measured.values[index])
+        for index, t in zip(at, TIMES, strict=True)
+    ]
+    assert np.array_equal(known, (sources == 1) | (sources == 3))

@@ -1,13 +1,15 @@
-"""Where the earth field is asked for."""
+"""Where the earth field is asked for, and which airspeed is used."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from h2nav.attitude.samples import EarthField
-from h2nav.service.aiding import FieldOfTheEarth
-from h2nav.service.settings import NorthSettings
+from h2nav.service.aiding import Aiding, FieldOfTheEarth
+from h2nav.service.settings import AidingSettings, NorthSettings
 from h2nav.wire.position import Place
+from h2nav.wire.vehicle import Airspeed
 
 FIELD = EarthField(50.0, 1.0, 0.1)
 
@@ -72,3 +74,35 @@ def test_the_declination_is_the_models_the_chosen_one_or_none():
     assert chosen.declination_rad == pytest.approx(math.radians(12.0))
     assert chosen[:2] == FIELD[:2]
     assert field_of(declination="none").at(0, HOME).declination_rad == 0.0
+
+
+def airspeeds_used(*told, altitude_m=0.0, is_fixed_wing=True, **settings):
+    """The true airspeeds that reach the filter, by what is told second by second."""
+    used = []
+    autopilot = SimpleNamespace(
+        identity=SimpleNamespace(is_fixed_wing=is_fixed_wing), on_ground=False, is_armed=True
+    )
+    estimation = SimpleNamespace(
+        use_vehicle=lambda state: used.append(state.airspeed_m_s), use_field=lambda field: None
+    )
+    aiding = Aiding(AidingSettings(**settings), field_of(), autopilot, estimation, None)
+    aiding.on_place(0, HOME._replace(altitude_m=altitude_m))
+    for second, speed in enumerate(told):
+        aiding.on_airspeed((second + 3) * 10**9, speed)
+    return used
+
+
+def test_an_airspeed_is_corrected_by_the_density_unless_it_is_true_already():
+    assert airspeeds_used(Airspeed(20.0)) == [pytest.approx(20.0)]
+    assert airspeeds_used(Airspeed(20.0), altitude_m=2000.0) == [pytest.approx(22.06, abs=0.01)]
+    assert airspeeds_used(Airspeed(20.0, is_true=True), altitude_m=2000.0) == [20.0]
+
+
+def test_without_a_measurement_an_airspeed_is_used_for_two_seconds():
+    nothing = [Airspeed(None)] * 4
+    assert airspeeds_used(Airspeed(20.0), *nothing) == [pytest.approx(20.0), None]
+
+
+def test_an_airspeed_is_used_on_fixed_wings_and_where_it_is_wanted():
+    assert airspeeds_used(Airspeed(20.0), is_fixed_wing=False) == [None]
+    assert airspeeds_used(Airspeed(20.0), airspeed=False) == [None]

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.autopilot_bytes import AutopilotBytes
 from h2nav.files.earth_field import earth_field_at
 from h2nav.maths import quaternion
+from h2nav.maths.air import standard_density_kg_m3
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault
 from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
@@ -629,6 +630,7 @@ def test_position_moves_with_the_vehicle():
     assert messages["LOCAL_POSITION_NED"].z == pytest.approx(motion.p_n[2])
     assert messages["EXTENDED_SYS_STATE"].landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
     assert messages["VFR_HUD"].climb == pytest.approx(-motion.v_n[2])
+    assert messages["VFR_HUD"].groundspeed == pytest.approx(math.hypot(*motion.v_n[:2]))
 
 
 @pytest.mark.parametrize("rate", [0.5, 0.9, 1.1, 2.0])
@@ -669,3 +671,22 @@ def test_a_turned_compass_shows_a_turned_field():
     (level, down), (turned, down_too) = field(), field("compass-turned=90@0")
     assert turned == pytest.approx(level * -1j)
     assert down_too == down
+
+
+def test_airspeeds_are_through_the_air_and_calibrated():
+    """In a hover the vehicle stands still over the ground, and the wind blows through it."""
+    flown = scenario("hover")._replace(mav_type=mavlink.MAV_TYPE_FIXED_WING)
+    flight = Flight("hover")
+    flight.autopilot.vehicle.scenario = flown
+    for message_id in (mavlink.MAVLINK_MSG_ID_VFR_HUD, mavlink.MAVLINK_MSG_ID_AIRSPEED):
+        assert flight.ask(message_id, 100_000) == OK
+    messages = {m.get_type(): m for m in flight.to(20.05)}
+    motion = flown.motion(20.0)
+    through = [v - air for v, air in zip(motion.v_n, motion.air_n, strict=True)]
+    thin = math.sqrt(standard_density_kg_m3(HOME.altitude_m) / 1.225)
+    assert math.hypot(*motion.air_n) > 1.5
+    assert messages["VFR_HUD"].groundspeed < 0.6
+    assert messages["VFR_HUD"].airspeed == pytest.approx(thin * math.hypot(*through), rel=1e-3)
+    back = quaternion.conjugate(motion.q_nb)
+    ahead = max(quaternion.rotate(back, tuple(through))[0], 0.0)
+    assert messages["AIRSPEED"].airspeed == pytest.approx(thin * ahead, abs=0.02)

@@ -2,12 +2,14 @@
 
 import math
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.readers import READERS
-from h2nav.wire.vehicle import Vibration
+from h2nav.wire.refused import Refused
+from h2nav.wire.vehicle import Airspeed, Vibration
 
 
 def read(message):
@@ -24,3 +26,21 @@ def test_vibration_has_levels_and_the_clips_of_each_accelerometer():
 def test_a_level_that_is_no_number_says_nothing():
     message = mavlink.MAVLink_vibration_message(5, math.nan, math.inf, 3.0, 0, 0, 0)
     assert read(message) == Vibration((0.0, 0.0, 3.0), (0, 0, 0))
+
+
+def airspeed(m_s, number=0, flags=mavlink.AIRSPEED_SENSOR_USING):
+    return read(mavlink.MAVLink_airspeed_message(number, m_s, 32767, 2.4, flags))
+
+
+def test_an_airspeed_is_that_of_a_healthy_first_sensor():
+    assert airspeed(21.5) == Airspeed(21.5)
+    assert airspeed(21.5, number=1) == Airspeed(None)
+    assert airspeed(21.5, flags=mavlink.AIRSPEED_SENSOR_UNHEALTHY) == Airspeed(None)
+    assert airspeed(math.nan) == Airspeed(None)
+    assert airspeed(0.0) == Airspeed(None)
+    with pytest.raises(Refused):
+        airspeed(1e6)
+
+
+def test_the_airspeed_of_a_display_is_an_estimate_and_not_read():
+    assert mavlink.MAVLINK_MSG_ID_VFR_HUD not in READERS
