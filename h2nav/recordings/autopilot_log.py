@@ -89,9 +89,9 @@ class Recorded(NamedTuple):
     flown: AttitudeTrack | None = None  # attitude that the autopilot used for control
     second: AttitudeTrack | None = None  # attitude of its second estimator, as in AHRS2
     airspeed_m_s: Series | None = None  # (N,) of a sensor, along the nose; None without
-    airspeed_is_true: bool = False  # corrected by the density of the air
     settings: tuple[Setting, ...] = ()  # parameters, in order
     origin: Place | None = None  # where the vehicle started; None if unknown
+    airspeed_is_true: bool = False  # it is corrected by the density of the air
 
 
 class _Stream(NamedTuple):

@@ -13,7 +13,7 @@ from h2nav.sim.imu_streams import (
     highres_imu_px4,
     raw_imu,
 )
-from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2
+from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2, airspeed
 from h2nav.sim.vehicle import SimulatedAges
 
 MS_NS = 1_000_000
@@ -126,6 +126,7 @@ ARDUPILOT = Personality(
 ARDUPLANE = ARDUPILOT._replace(
     name="arduplane",
     custom_modes=(0, 10),
+    streams=(*ARDUPILOT.streams, Stream(airspeed, mavlink.MAVLink_airspeed_message)),
     interval_ns=_ardupilot_interval(PLANE_LOOP_HZ),
     parameters={
         "SYSID_THISMAV": 1.0,

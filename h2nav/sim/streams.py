@@ -130,10 +130,8 @@ def vfr_hud(vehicle: Vehicle) -> Any:
     )
 
 
-def airspeed(vehicle: Vehicle) -> Any | None:
-    """A sensor along the nose, which only fixed wings have."""
-    if vehicle.scenario.mav_type != mavlink.MAV_TYPE_FIXED_WING:
-        return None
+def airspeed(vehicle: Vehicle) -> Any:
+    """A sensor along the nose."""
     motion = vehicle.motion
     through_air = [v - air for v, air in zip(motion.v_n, motion.air_n, strict=True)]
     ahead = quaternion.rotate(motion.q_nb, (1.0, 0.0, 0.0))
@@ -242,7 +240,6 @@ ALL_AUTOPILOTS: tuple[Stream, ...] = (
         group=mavlink.MAV_DATA_STREAM_POSITION,
     ),
     Stream(vfr_hud, mavlink.MAVLink_vfr_hud_message, group=mavlink.MAV_DATA_STREAM_EXTRA2),
-    Stream(airspeed, mavlink.MAVLink_airspeed_message),
     Stream(home_position, mavlink.MAVLink_home_position_message),
     Stream(extended_sys_state, mavlink.MAVLink_extended_sys_state_message),
     Stream(

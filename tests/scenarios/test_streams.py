@@ -23,6 +23,7 @@ OPTIONAL = (
     mavlink.MAVLINK_MSG_ID_SCALED_IMU3,
     mavlink.MAVLINK_MSG_ID_ATTITUDE,
     mavlink.MAVLINK_MSG_ID_AHRS2,
+    mavlink.MAVLINK_MSG_ID_AIRSPEED,
 )
 BATTERY_SWAP = ("power-off@10+100",)
 

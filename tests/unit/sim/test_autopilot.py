@@ -675,13 +675,11 @@ def test_a_turned_compass_shows_a_turned_field():
 
 def test_airspeeds_are_through_the_air_and_calibrated():
     """In a hover the vehicle stands still over the ground, and the wind blows through it."""
-    flown = scenario("hover")._replace(mav_type=mavlink.MAV_TYPE_FIXED_WING)
-    flight = Flight("hover")
-    flight.autopilot.vehicle.scenario = flown
+    flight = Flight("hover", ARDUPLANE)
     for message_id in (mavlink.MAVLINK_MSG_ID_VFR_HUD, mavlink.MAVLINK_MSG_ID_AIRSPEED):
         assert flight.ask(message_id, 100_000) == OK
     messages = {m.get_type(): m for m in flight.to(20.05)}
-    motion = flown.motion(20.0)
+    motion = scenario("hover").motion(20.0)
     through = [v - air for v, air in zip(motion.v_n, motion.air_n, strict=True)]
     thin = math.sqrt(standard_density_kg_m3(HOME.altitude_m) / 1.225)
     assert math.hypot(*motion.air_n) > 1.5
