@@ -148,6 +148,7 @@ class _Imu:
         self.windows: list[_Window] = []
         self.field: Vec3 | None = None
         self.field_is_raw = False
+        self._fields: list[Vec3] = []  # of the present window
         self._turn: _FieldTurn | None = None
 
     @property
@@ -161,6 +162,7 @@ class _Imu:
         if m_b_ut is not None:
             old = self.field
             self.field = m_b_ut if old is None else _blend(old, m_b_ut)
+            self._fields.append(m_b_ut)
         if self._start_us is None or not 0 <= t_us - self._start_us < 2 * WINDOW_US:
             self._begin(t_us)
         ended = t_us - (self._start_us or 0) >= WINDOW_US
@@ -175,7 +177,7 @@ class _Imu:
         return ended
 
     def _begin(self, t_us: int) -> None:
-        self._start_us, self._sums, self._count = t_us, [0.0] * 12, 0
+        self._start_us, self._sums, self._count, self._fields = t_us, [0.0] * 12, 0, []
 
     def _end(self) -> None:
         n = self._count
@@ -197,10 +199,13 @@ class _Imu:
             self._compare_field(found)
 
     def _compare_field(self, window: _Window) -> None:
-        if not window.is_still or self.field is None:
-            self._turn = None
-        elif self._turn is None or self._turn.take(window, self.field):
-            self._turn = _FieldTurn(window, self.field)
+        """Compares the field with an earlier one, of a vehicle at rest long enough for both."""
+        if not self.still or not self._fields:
+            self._turn = None if not window.is_still else self._turn
+            return
+        field = _mean(self._fields)
+        if self._turn is None or self._turn.take(window, field):
+            self._turn = _FieldTurn(window, field)
 
     @property
     def still(self) -> list[_Window]:
