@@ -24,6 +24,7 @@ from h2nav.reviews.inertial import (
     turns,
     within,
 )
+from h2nav.reviews.sensor_bias import measuring
 from h2nav.reviews.standstill import NEVER, Rest, tilt_at_rest
 
 # A step within a second that is too large for an estimator's usual corrections.
@@ -122,7 +123,8 @@ def look_at_estimators(
     if not context.attitudes:
         return found
     if track is not None:
-        found += _resets(context, track)
+        # A gyro that is known to be dead shows no turn.
+        found += _resets(context, measuring(track, in_flight))
     found += _cores(context)
     if best is not None:
         found += _beyond(context, track, best, in_flight, rest)

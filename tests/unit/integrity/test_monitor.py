@@ -18,8 +18,8 @@ from velocity_flights import (
     with_turned_field,
 )
 
-from h2nav.attitude.samples import AttitudeEstimate, SensorErrors, Trust, VelocityFix
-from h2nav.integrity.findings import Sensor, SensorKind
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, SensorErrors, Trust, VelocityFix
+from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.maths import quaternion
@@ -320,3 +320,21 @@ def test_a_filter_without_deviations_of_its_own_is_watched_as_well():
             raised += [t_s] if "attitude_velocity" in kinds else []
             assert math.isnan(monitor.opened(estimate).sigma_tilt_rad)
     assert 0.0 <= raised[0] - FAULT_S < 8.0
+
+
+def test_a_velocity_is_not_lost_while_nothing_at_all_is_heard():
+    """A link that is cut for 4 s; then samples come again, and the next fix a second later."""
+
+    def kinds_after(*sample_s):
+        monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
+        monitor.fix(VelocityFix(0, (1.0, 0.0, 0.0), 0.3), SensorErrors((0.0, 0.0, 0.0)))
+        for t_s in sample_s:
+            shaken = 0.1 * math.sin(50.0 * t_s)
+            force = (shaken, -shaken, -9.81 + shaken)
+            monitor.check(ImuSample(round(t_s * 1e6), (shaken, shaken, -shaken), force))
+        return {alarm.kind for alarm in monitor.alarms(round(sample_s[-1] * 1e6))}
+
+    before = [0.02 * i for i in range(50)]
+    after = [5.0 + 0.02 * i for i in range(150)]
+    assert Kind.VELOCITY_LOST not in kinds_after(*before, *after[:50])
+    assert Kind.VELOCITY_LOST in kinds_after(*before, *after)

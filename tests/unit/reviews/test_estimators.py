@@ -168,3 +168,22 @@ def test_a_vehicle_that_ends_on_its_side_is_told():
     assert found["crash"].from_s == pytest.approx(110.0, abs=0.2)
     assert found["crash"].size == pytest.approx(90.0, abs=1.0)
     assert "87 deg from how it had stood" in found["crash"].evidence
+
+
+def test_a_gyro_that_is_known_to_be_frozen_accuses_no_heading():
+    flown = flight("aggressive")
+    (track,) = flown.context.imus
+    is_frozen = (track.t_s > 40.0) & (track.t_s < 43.0)
+    frozen = track._replace(w_b=np.where(is_frozen[:, None], track.w_b[0], track.w_b))
+    finding = Finding(
+        Kind.GYRO_FROZEN, Sensor(SensorKind.IMU, 1), Severity.ERROR, 40.0, 43.0, 3.0, "s", "", ""
+    )
+    attitude = flown.context.attitudes[0]
+    seldom = attitude._replace(t_s=attitude.t_s[::10], q_nb=attitude.q_nb[::10])
+    context = flown.context._replace(imus=(frozen,), attitudes=(seldom,))
+    flown = flown._replace(context=context)
+    kinds = [
+        {f.kind for f in analyse(flown._replace(findings=known)).findings}
+        for known in ((), (finding,))
+    ]
+    assert ["attitude_reset" in each for each in kinds] == [True, False]
