@@ -329,6 +329,13 @@ SERIES = (
         telemetry=(series("POWER_STATUS", "Vcc", scale=MILLI, is_filled=True),),
     ),
     Field(
+        "load",
+        "share of the autopilot's processor",
+        dataflash=(series("PM", "Load", scale=MILLI),),
+        ulog=(series("cpuload", "load"),),
+        telemetry=(series("SYS_STATUS", "load", scale=MILLI),),
+    ),
+    Field(
         "airspeed_m_s",
         "m/s",
         dataflash=tuple(series(name, "Airspeed", form=used_airspeed) for name in ("ARSP", "ASP")),

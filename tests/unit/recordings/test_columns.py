@@ -150,6 +150,22 @@ def test_heights_of_every_source_point_up(tmp_path: Path):
     assert wired == pytest.approx({"estimator": 10.0, "barometer": 0.0, "rangefinder": 9.0})
 
 
+def test_the_load_of_the_processor_is_a_share(tmp_path: Path):
+    writer = DataflashWriter()
+    writer.add("PM", "QH", "TimeUS,Load", TIMES, 375)
+    px4 = ULogWriter()
+    px4.add("cpuload", "float load", TIMES, 0.375)
+    status = mavlink.MAVLink_sys_status_message(0, 0, 0, 375, *[0] * 9)
+    for context in (
+        dataflash(tmp_path, writer),
+        ulog(tmp_path, px4),
+        telemetry(tmp_path, status),
+    ):
+        load = context.measured["load"]
+        assert load is not None
+        assert load.values[0] == pytest.approx(0.375)
+
+
 def test_motors_of_px4_are_those_that_its_bank_drives(tmp_path: Path):
     """px4io is silent, the ESCs are on CAN, and the auxiliary pins hold still, in most rows."""
     writer = ULogWriter()
