@@ -8,6 +8,7 @@ differently over the years has several sources there, and the first one that the
 import math
 from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
+from itertools import islice
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -61,11 +62,8 @@ class Source(NamedTuple):
 
     message: str  # or topic
     columns: Mapping[str, LogColumn]  # field of the record -> its column
-    # the column that must have this value, such as the type of a sensor
-    where: tuple[str, int] | None = None
     # records in each row, or messages with a number: ``{0}`` in the names is the number from 0,
-    # ``{1}`` the one from 1; 0 = the instances of the
-    # message
+    # ``{1}`` the one from 1; 0 = the instances of the message
     packed: int = 0
     first: int = 0  # number of the first instance
     needs: str = ""  # the field that must have been known and not zero once; empty = none
@@ -91,8 +89,7 @@ class Source(NamedTuple):
     def needed(self) -> tuple[str, ...]:
         """The columns without which a message is no source."""
         must = (each.names for each in self.columns.values() if not each.may_lack)
-        names = (name for names in must for name in names if name)
-        return (*names, *(self.where[:1] if self.where else ()))
+        return tuple(name for names in must for name in names if name)
 
 
 class Field(NamedTuple):
@@ -127,22 +124,15 @@ def column(*names: str, largest: float = math.inf, **others: Any) -> LogColumn:
     return LogColumn(names, **{**bounds, **others})
 
 
-def series(
-    message: str,
-    *names: str,
-    where: tuple[str, int] | None = None,
-    is_filled: bool = False,
-    **others: Any,
-) -> Source:
+def series(message: str, *names: str, is_filled: bool = False, **others: Any) -> Source:
     """The source of a `Series`.
 
     Args:
-        where: as of `Source`.
         is_filled: whether a message that holds zeros throughout is no source.
         **others: of the `column`.
     """
     needs = "values" if is_filled else ""
-    return Source(message, {"values": column(*names, **others)}, where, needs=needs)
+    return Source(message, {"values": column(*names, **others)}, needs=needs)
 
 
 def messages_of(format_: Format, fields: tuple[Field, ...]) -> frozenset[str]:
@@ -179,7 +169,7 @@ def _of_sources(
     records, names = [], []
     for whole in group:
         for source in whole.parts():
-            own = list(_records(log, field, source))
+            own = list(islice(_records(log, field, source), 1 if field.record is Series else None))
             records += own
             if own and whole.message not in names:
                 names.append(whole.message)
@@ -192,11 +182,6 @@ def _of_sources(
 
 def _records(log: RowFinder, field: Field, source: Source) -> Iterator[Any]:
     for rows in log.instances(source.message, *source.needed()):
-        if source.where is not None:
-            name, wanted = source.where
-            rows = rows.where(rows.table.integers(name) == wanted)  # noqa: PLW2901
-        if not len(rows.t_s):
-            continue
         values = {name: each.values(rows.table) for name, each in source.columns.items()}
         if source.needs and not np.nan_to_num(values[source.needs]).any():
             continue

@@ -82,10 +82,11 @@ def _motors(
     if widths_us is not None:
         used = np.flatnonzero(np.isfinite(widths_us.values).any(axis=0)).tolist()
         return motors_of({i: i + 1 for i in used}, widths_us.t_s, widths_us.values, ends_us)
-    if not outputs:
-        return None
-    channels = ardupilot_channels(parameters, vehicle_type, outputs[0].values)
-    return motors_of(channels, outputs[0].t_s, outputs[0].values, ends_us)
+    for bank in outputs:
+        if bank.number == 0:
+            channels = ardupilot_channels(parameters, vehicle_type, bank.values)
+            return motors_of(channels, bank.t_s, bank.values, ends_us)
+    return None
 
 
 def _height(track: GpsTrack) -> HeightTrack:

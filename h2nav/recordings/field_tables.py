@@ -660,7 +660,6 @@ RECORDS = (
             Source(
                 "SERVO_OUTPUT_RAW",
                 {"values": column(*_numbered("servo{}_raw", MAX_OUTPUTS))},
-                where=("port", 0),
             ),
         ),
     ),

@@ -1,5 +1,6 @@
 """The column tables: what each format stores comes out in the same unit, under the same name."""
 
+import math
 import struct
 from pathlib import Path
 
@@ -81,6 +82,34 @@ def test_the_sticks_point_the_same_way_in_every_format(tmp_path: Path):
         assert context.sticks is not None
         found = [column[0] for column in context.sticks[1:]]
         assert found == pytest.approx([1.0, 0.5, 0.5, 0.25])
+
+
+def test_parameters_that_are_no_numbers_are_none(tmp_path: Path):
+    """A map of channels, and the function of an output."""
+    widths = (2000, 1750, 1250, 1750, *[65535] * 14)
+    context = telemetry(
+        tmp_path,
+        parameter("RCMAP_ROLL", math.nan),
+        parameter("SERVO1_FUNCTION", math.inf),
+        mavlink.MAVLink_rc_channels_message(0, 4, *widths, 255),
+        mavlink.MAVLink_servo_output_raw_message(0, 0, 1500, 1600, 1700, 1800, 0, 0, 0, 0),
+    )
+    assert context.parameters == {}
+    assert context.sticks is not None
+    assert context.sticks.roll[0] == 1.0
+    assert context.motors is not None
+    assert context.motors.numbers == (1, 2, 3, 4)
+
+
+def test_motors_are_those_of_the_first_port(tmp_path: Path):
+    messages = [
+        mavlink.MAVLink_servo_output_raw_message(0, port, 1500 + port, *[1600] * 7)
+        for port in (1, 0, 1)
+    ]
+    context = telemetry(tmp_path, *messages)
+    assert [(bank.number, bank.values[0, 0]) for bank in context.outputs] == [(0, 1500), (1, 1501)]
+    assert context.motors is not None
+    assert context.motors.pwm_us[:, 0].tolist() == [1500.0]
 
 
 def test_sticks_of_px4_need_its_map_of_channels(tmp_path: Path):
