@@ -36,10 +36,12 @@ def reasons_in(state: StateVerdict, alarms: Iterable[Alarm]) -> tuple[str, ...]:
         state: of the service; every state but active is a reason.
         alarms: those of level warning and above are reasons.
     """
-    wrong = (alarm for alarm in alarms if alarm.severity <= Severity.WARNING)
+    wrong = [alarm for alarm in alarms if alarm.severity <= Severity.WARNING]
     found = [alarm.notice for alarm in sorted(wrong, key=lambda alarm: alarm.severity)]
-    if state.state is not ServiceState.ACTIVE:
-        found += [reason for reason in state.reason.split("; ") if reason not in found]
+    # A degraded state repeats the alarms that degrade it.
+    is_named = state.state is ServiceState.DEGRADED and any(alarm.degrades for alarm in wrong)
+    if state.state is not ServiceState.ACTIVE and not is_named:
+        found.append(state.reason)
     return tuple(found)
 
 
