@@ -223,7 +223,7 @@ def _until(crash: Finding, found: list[Finding]) -> str:
         and not _has(one, Trait.ABOUT_RECORDING)
     ]
     sensors = [one for one in before if one.sensor.kind in SENSORS and one.cause is None]
-    estimators = [one for one in before if _has(one, Trait.ABOUT_ESTIMATOR)]
+    estimators = [one for one in before if _has(one, Trait.ABOUT_ESTIMATOR) and one.cause is None]
     motors = [one for one in before if one.kind is Kind.MOTOR_IMBALANCE]
     parts = [_phrase(one) for one in (*motors, *sensors)]
     if estimators and not sensors:
