@@ -1,0 +1,33 @@
+"""Every landing has its vertical speed."""
+
+import numpy as np
+import pytest
+from reviewed_flights import DURATION_S, flight
+
+from h2nav.recordings.context import Series
+from h2nav.reviews.analysis import analyse
+from h2nav.reviews.subjects.touchdown import TOUCHDOWN
+
+T_S = np.arange(0.0, DURATION_S, 0.1)
+
+
+def touchdowns(height_m):
+    series = Series(T_S, height_m)
+    climb = Series(T_S, np.gradient(height_m, 0.1))
+    found = analyse(flight(baro_height_m=series, climb_m_s=climb, gps=())).findings
+    return [one for one in found if one.kind == TOUCHDOWN]
+
+
+@pytest.mark.parametrize("speed_m_s", [0.6, 2.5])
+def test_a_landing_has_the_speed_of_its_last_descent(speed_m_s):
+    (found,) = touchdowns(np.clip(speed_m_s * (90.0 - T_S), 0.0, 10.0))
+    assert found.size == pytest.approx(speed_m_s, abs=0.15)
+    assert found.from_s == pytest.approx(90.0, abs=0.8)
+
+
+def test_a_vehicle_that_stays_on_the_ground_does_not_land():
+    assert not touchdowns(0.2 * np.sin(T_S))
+
+
+def test_a_log_that_ends_in_the_air_has_no_landing():
+    assert not touchdowns(np.clip(T_S - 30.0, 0.0, 20.0) - np.clip(T_S - 110.0, 0.0, None))
