@@ -17,6 +17,7 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ChangedSetting, Context, Motors
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, joined, runs
+from h2nav.reviews.vertical import Climb, climbs
 
 # Level flight, where the outputs are steady: this much of it in total.
 LEVEL_RAD, QUIET_RAD_S = 20.0 * DEG, 60.0 * DEG
@@ -258,14 +259,14 @@ def _alone(share: Array, column: int) -> Mask:
 def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Finding]:
     """One motor alone at its limit for seconds, the others far from it, while the vehicle sinks."""
     t_s = outputs.bins.t_s
-    if context.climb_m_s is None or len(context.climb_m_s.t_s) < 2 or len(motors.numbers) < 3:
+    sources = climbs(context)
+    if len(sources) < 2 or len(motors.numbers) < 3:
         return []
-    climb = np.interp(t_s, context.climb_m_s.t_s, context.climb_m_s.values)
     for column, number in enumerate(motors.numbers):
         pieces = runs(_alone(outputs.share, column) & outputs.flies)
         for first, last in joined(pieces, t_s, BEFORE_S):
             part = slice(first, last + 1)
-            sinks = -float(np.median(climb[part]))
+            sinks = _sinks(sources, float(t_s[first]), float(t_s[last]))
             if t_s[last] - t_s[first] < WEAK_S or sinks < SINKS_M_S:
                 continue
             others = np.delete(outputs.share[part], column, axis=1)
@@ -281,6 +282,14 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
                 )
             ]
     return []
+
+
+def _sinks(sources: tuple[Climb, ...], from_s: float, to_s: float) -> float:
+    """The least descent by any source, two at the least, m/s; an estimate alone may be wrong."""
+    near = (sources[0].t_s >= from_s) & (sources[0].t_s <= to_s)
+    known = [one.climb_m_s[near][np.isfinite(one.climb_m_s[near])] for one in sources]
+    sunk = [-float(np.median(values)) for values in known if len(values)]
+    return min(sunk) if len(sunk) >= 2 else 0.0
 
 
 def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:

@@ -98,8 +98,8 @@ def _crashed(
     known = _path(first_ones[0], found)
     rest = [one for one in found if one not in known]
     until = _until(first_ones[0], rest)
-    by_hand = bool(known) and known[0].kind == FLOWN_INTO_GROUND
-    parts.append("Nothing else was found wrong." if by_hand and until == SOUND else until)
+    is_explained = bool(known) and known[0].kind is not Kind.LOSS_OF_CONTROL
+    parts.append("Nothing else was found wrong." if is_explained and until == SOUND else until)
     return " ".join(part for part in parts if part)
 
 

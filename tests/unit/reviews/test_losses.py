@@ -82,11 +82,15 @@ def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
     height = Series(T_S, 40.0 + np.cumsum(sinks) * 0.1)
     changes = {
         "motors": outputs([(50.0, (0.6, 0.6, 1.0, 0.6)), (60.0, (0.5,) * 4)]),
+        "gps": (),
         "said": (Said(52.0, Severity.CRITICAL, "Potential Thrust Loss (3)"),),
     }
     found, text = told(flown(Series(T_S, sinks), height, **changes))
     assert found[Kind.MOTOR_FAILED].sensor.number == 3
     assert text.startswith("Motor 3 gave too little thrust")
+    level = Series(T_S, np.full(len(T_S), 40.0))
+    no_descent = told(flown(Series(T_S, sinks), level, **changes | {"said": ()}))[0]
+    assert Kind.MOTOR_FAILED not in no_descent
     assert found[Kind.SAID_CRASH].cause == found[Kind.MOTOR_FAILED].id
 
 
