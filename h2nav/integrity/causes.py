@@ -17,26 +17,22 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from h2nav.attitude.samples import SensorDoubt, SensorErrors, Vec3
-from h2nav.integrity.likelihood import HypothesisFit, LinearModel, mean
-from h2nav.integrity.strapdown import Moment
-from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns, plus
-from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA
+from h2nav.attitude.samples import SensorDoubt, Vec3
+from h2nav.integrity.likelihood import HypothesisFit, mean
+from h2nav.integrity.velocity_model import (
+    FORCE,
+    HEADING,
+    LAG,
+    MIN_ROWS,
+    RATE,
+    TILT,
+    Known,
+    VelocityModel,
+)
+from h2nav.integrity.velocity_rows import VelocityRow, plus
 from h2nav.maths.quaternion import conjugate, exp, multiply, tilt_and_heading
 from h2nav.maths.units import DEG
 
-# Windows of fewer rows are not compared.
-LEAST_ROWS = 6
-# Least noise of a receiver's velocity from row to row, m/s: the data sheet of a good one.
-NOISE_M_S = 0.05
-# Share of the stated accuracy (of the horizontal velocity) that an axis wanders by within 10 s.
-WANDERS = math.sqrt(0.5)
-# Receivers are late by up to 0.3 s and do not say so.
-LAG_SIGMA_S = 0.3
-# Of a force that turns with the vehicle, where the filter knows no better, m/s^2.
-FORCE_SIGMA_M_S2 = 0.1
-LEAST_TILT_RAD = 0.2 * DEG
-LEAST_HEADING_RAD = 1.0 * DEG
 # Sizes of failures: gyros step by 1 deg/s with temperature and knocks, accelerometers by their data
 # sheet's 60 mg; a heading may be any.
 FAILED_RATE_RAD_S = 1.5 * DEG
@@ -69,6 +65,8 @@ SUSPECTED = 100.0
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 LEAST_SHARE = 1.0 / 9.0
+# Largest effect of an unknown delay and antenna for a decision, in deviations of a velocity.
+MAX_RECEIVER = 3.0
 # Largest excess of the residuals' square over that of the noise for a decision, in its deviations.
 MISFIT_SIGMAS = 3.0
 
@@ -153,19 +151,6 @@ def doubt_of(found: Explained) -> SensorDoubt | None:
     return SensorDoubt((x, y, z), (u, v), *bent)
 
 
-# Unknowns, by their columns: tilt north and east, heading, gyro's bias and scale (three axes each),
-# accelerometer (two axes), latency and half its square.
-_TILT, _HEADING, _RATE, _SCALE, _FORCE, _LAG = 0, 2, 3, 6, 9, 11
-
-
-class Known(NamedTuple):
-    """The knowledge at the end of a window."""
-
-    errors: SensorErrors  # the filter's knowledge of its sensors
-    moment: Moment  # of the last mark
-    jitter_m_s: float  # noise of single velocities
-
-
 def explain(rows: Sequence[VelocityRow], known: Known) -> Explained:
     """Compares the causes over a window.
 
@@ -173,7 +158,7 @@ def explain(rows: Sequence[VelocityRow], known: Known) -> Explained:
         rows: of the window, in order.
         known: at its end.
     """
-    if len(rows) < LEAST_ROWS:
+    if len(rows) < MIN_ROWS:
         return NOTHING
     return _Comparison(rows, known).explained()
 
@@ -193,24 +178,10 @@ class _Comparison:
 
     def __init__(self, rows: Sequence[VelocityRow], known: Known) -> None:
         self._rows, self._known = rows, known
-        first, last = rows[0].begun.moment, rows[-1].ended.moment
-        length_s = 1e-6 * (last.t_us - first.t_us)
-        turned = (last.turn_variance - first.turn_variance) / length_s
-        gained = (last.gained_variance - first.gained_variance) / length_s
-        # The noises, increased by what slow samples miss.
-        self._rate_density = known.errors.rate_density + turned
-        self._force_density = known.errors.force_density + gained
-        self._lengths_s = [row.length_s for row in rows]
-        stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
-        self._wander = WANDERS * WANDERS * stated / LENGTH_S
-        self._noise_m_s = max(NOISE_M_S, known.jitter_m_s)
-        self._columns: VelocityColumns = columns(rows)
-        self._model = self._with_noise(self._force_density)
-        self._sound = self._sigmas(length_s)
-
-    def _with_noise(self, force_density: float) -> LinearModel:
-        found, noise = self._columns, (self._noise_m_s, force_density + self._wander)
-        return LinearModel(self._lengths_s, found.left, found.of, noise)
+        self._window = window = VelocityModel(rows, known)
+        self._force_density = window.force_density
+        self._columns, self._sound = window.columns, window.sigmas
+        self._model = window.with_noise(window.force_density)
 
     def explained(self) -> Explained:
         """The result."""
@@ -220,7 +191,7 @@ class _Comparison:
         if 0.5 * (model.square - none.explained) < math.log(SUSPECTED):
             return NOTHING
         # An error older than the window has also bent the attitude.
-        bent = _failed(sound, _TILT, 2, FAILED_TILT_RAD)
+        bent = _failed(sound, TILT, 2, FAILED_TILT_RAD)
         variants = self._from_before(none, bent)
         bases = none, model.fit(bent)
         for begun in self._onsets():
@@ -252,7 +223,9 @@ class _Comparison:
         is_seen, step = self._force_density > SHAKEN_DENSITY, 0.0
         if mine:
             likeliest = _likeliest(mine)
-            is_seen = self._is_seen(mine)
+            # Delay and antenna together do more than either: unknown, they may be the cause.
+            is_known = self._window.receiver_m_s < MAX_RECEIVER * self._window.noise_m_s
+            is_seen = is_known and self._is_seen(mine)
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
@@ -284,8 +257,8 @@ class _Comparison:
     def _astray(self, one: _Variant) -> tuple[float, float]:
         """Tilt and heading from the filter's attitude to that by a cause, now."""
         found, columns = one.fit.unknowns(), self._columns
-        turn = plus(columns.used_n, 1.0, (found[_TILT], found[_TILT + 1], found[_HEADING]))
-        for unknown, in_all in zip(found[_RATE:_FORCE], columns.turned_in_all, strict=True):
+        turn = plus(columns.used_n, 1.0, (found[TILT], found[TILT + 1], found[HEADING]))
+        for unknown, in_all in zip(found[RATE:FORCE], columns.turned_in_all, strict=True):
             turn = plus(turn, unknown, in_all)
         if one.cause is Cause.GYRO and one.own:
             axes = zip(columns.turned_in_all[:3], columns.turned[one.begun], strict=True)
@@ -308,17 +281,17 @@ class _Comparison:
     def _from_before(self, none: HypothesisFit, bent: Sequence[float]) -> list[_Variant]:
         """Faults of the whole window."""
         model, count = self._model, len(self._rows)
-        broken = _failed(self._sound, _TILT, 2, BROKEN_TILT_RAD)
-        force = model.fit(_failed(bent, _FORCE, 2, FAILED_FORCE_M_S2))
-        heading = model.fit(_failed(self._sound, _HEADING, 1, FAILED_HEADING_RAD))
-        attitude = model.fit(_failed(broken, _HEADING, 1, FAILED_HEADING_RAD))
+        broken = _failed(self._sound, TILT, 2, BROKEN_TILT_RAD)
+        force = model.fit(_failed(bent, FORCE, 2, FAILED_FORCE_M_S2))
+        heading = model.fit(_failed(self._sound, HEADING, 1, FAILED_HEADING_RAD))
+        attitude = model.fit(_failed(broken, HEADING, 1, FAILED_HEADING_RAD))
         # A large heading error also shortens the acceleration by its cosine.
         gained, most = self._columns.gained, 1.0 - math.cos(FAILED_HEADING_RAD)
         shapes = [[*(g[0] for g in gained), *(g[1] for g in gained)], *self._ramps(count)]
         since = model.since(0, shapes)
         return [
-            _Variant(Cause.GYRO, model.fit(_failed(bent, _RATE, 3, FAILED_RATE_RAD_S))),
-            _Variant(Cause.GYRO, model.fit(_failed(broken, _RATE, 3, BROKEN_RATE_RAD_S))),
+            _Variant(Cause.GYRO, model.fit(_failed(bent, RATE, 3, FAILED_RATE_RAD_S))),
+            _Variant(Cause.GYRO, model.fit(_failed(broken, RATE, 3, BROKEN_RATE_RAD_S))),
             _Variant(Cause.ACCELEROMETER, force),
             _Variant(Cause.HEADING, since.fit(heading, (0,), most), 1),
             _Variant(Cause.ATTITUDE, since.fit(attitude, (0,), most), 1),
@@ -329,14 +302,14 @@ class _Comparison:
     def _from_row(self, begun: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
         """Faults that begin with a row; a drift of the velocity may also begin within it."""
         count, (none, bent) = len(self._rows) - begun, bases
-        late = [self._later(_LAG + j, begun) for j in (0, 1)]
+        late = [self._later(LAG + j, begun) for j in (0, 1)]
         for shape, first in zip(late, self._rows[begun].began_late, strict=True):
             shape[0], shape[count] = first
         since = self._model.since(
             begun,
             [
                 *(self._columns.from_row(begun, j) for j in range(3)),
-                *(self._later(_FORCE + j, begun) for j in (0, 1)),
+                *(self._later(FORCE + j, begun) for j in (0, 1)),
                 *self._ramps(count),
                 *_jumps(count),
                 *late,
@@ -369,12 +342,12 @@ class _Comparison:
 
     def _ramps(self, count: int) -> list[list[float]]:
         """Columns of a drift north and of one east, over the last rows."""
-        lengths_s, zeros = self._lengths_s[-count:], [0.0] * count
+        lengths_s, zeros = self._window.lengths_s[-count:], [0.0] * count
         return [[*lengths_s, *zeros], [*zeros, *lengths_s]]
 
     def _vibration(self) -> float:
         """Likelihood of a force with the noise of vibration and clipping."""
-        shaken = self._with_noise(SHAKEN * SHAKEN * max(self._force_density, SHAKEN_DENSITY))
+        shaken = self._window.with_noise(SHAKEN * SHAKEN * max(self._force_density, SHAKEN_DENSITY))
         return shaken.level + shaken.fit(self._sound).likelihood - self._model.level
 
     def _rate(self, variants: Sequence[_Variant]) -> Vec3:
@@ -382,7 +355,7 @@ class _Comparison:
         mine = [one for one in variants if one.cause is Cause.GYRO]
         best = _likeliest(mine)
         found = best.fit.unknowns()
-        x, y, z = found[_RATE : _RATE + 3]
+        x, y, z = found[RATE : RATE + 3]
         if best.own:
             u, v, w = found[-best.own :]
             x, y, z = x + u, y + v, z + w
@@ -394,33 +367,12 @@ class _Comparison:
         mine = [one for one in variants if one.cause is Cause.ACCELEROMETER]
         best = _likeliest(mine)
         found = best.fit.unknowns()
-        x, y = found[_FORCE : _FORCE + 2]
+        x, y = found[FORCE : FORCE + 2]
         if best.own:
             u, v = found[-best.own :]
             x, y = x + u, y + v
         a, b = self._rows[0].errors.force_bias_b, self._known.errors.force_bias_b
         return (x - b[0] + a[0], y - b[1] + a[1], 0.0)
-
-    def _sigmas(self, length_s: float) -> list[float]:
-        """Deviations of the unknowns at the window's beginning if nothing is wrong."""
-        first, errors = self._rows[0].begun.moment, self._rows[0].errors
-        tilt = max(first.sigma_tilt_rad / math.sqrt(2.0), LEAST_TILT_RAD)
-        heading = min(max(first.sigma_heading_rad, LEAST_HEADING_RAD), math.pi)
-        # The rate noise turns an attitude like a bias of this size, as seen by the velocity.
-        by_noise = 4.0 * self._rate_density / (3.0 * length_s)
-        of_rate = by_noise + RATE_SIGMA_RAD_S**2
-        rate = [math.sqrt(of_rate + variance) for variance in errors.gyro_variance]
-        force = [math.sqrt(v) if v > 0.0 else FORCE_SIGMA_M_S2 for v in errors.force_variance]
-        return [
-            tilt,
-            tilt,
-            heading,
-            *rate,
-            *[SCALE_SIGMA] * 3,
-            *force,
-            LAG_SIGMA_S,
-            LAG_SIGMA_S**2 / 2.0,
-        ]
 
 
 def _likeliest(variants: Sequence[_Variant]) -> _Variant:

@@ -35,6 +35,17 @@ class HypothesisFit(NamedTuple):
             found[i] = (self.forward[i] - rest) / root[i][i]
         return [sigma * part for sigma, part in zip(self.sigmas, found, strict=True)]
 
+    def covariance(self, places: Sequence[int]) -> list[list[float]]:
+        """The covariance of some unknowns."""
+        solved = []
+        for place in places:
+            line = [0.0] * len(self.root)
+            for i in range(place, len(line)):
+                unit = 1.0 if i == place else 0.0
+                line[i] = (unit - dot(self.root[i], line[:i])) / self.root[i][i]
+            solved.append([self.sigmas[place] * part for part in line])
+        return [[dot(one, other) for other in solved] for one in solved]
+
 
 class LinearModel:
     """Whitened columns, and their normal equations.

@@ -25,7 +25,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.cause_alarms import cause_alarm
-from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of, explain
+from h2nav.integrity.causes import NOTHING, Cause, Explained, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
@@ -41,8 +41,10 @@ from h2nav.integrity.kernel.memory import (
 from h2nav.integrity.kernel.windows import JUDGED_US
 from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.receiver import LearntReceiver
 from h2nav.integrity.sensor_checks import Use, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
+from h2nav.integrity.velocity_model import Known
 from h2nav.integrity.velocity_rows import VelocityRows
 from h2nav.integrity.velocity_windows import (
     GATE,
@@ -139,6 +141,7 @@ class Monitor:
         self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
         self._rows = VelocityRows()
+        self._receiver = LearntReceiver()
         self._explained, self._explained_us = NOTHING, 0
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
@@ -233,6 +236,14 @@ class Monitor:
             self._judge(t_us)
             self._open()
 
+    def corrected(self, fix: VelocityFix) -> VelocityFix:
+        """The velocity of the IMU by a receiver's fix, for `fix` and for the filter."""
+        if not fix.independent:
+            return fix
+        timely = self._receiver.timely(fix)
+        moment = self._strapdown.at(timely.t_us)
+        return timely if moment is None else self._receiver.centred(timely, moment)
+
     def fix(self, fix: VelocityFix, errors: SensorErrors) -> SensorDoubt | None:
         """Takes a velocity over ground.
 
@@ -247,6 +258,7 @@ class Monitor:
             self._fix_period_us += PERIOD_SHARE * (apart_us - self._fix_period_us)
         self._fix, self._silent_us = fix, 0
         self._field.use_offset(errors.field_offset_share)
+        self._velocity.use_receiver(self._receiver.errors)
         if not self._velocity.take(fix):
             return None
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
@@ -266,6 +278,13 @@ class Monitor:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
         mark = self._velocity.marks[-1]
         is_row = self._rows.take(mark, errors)
+        known = Known(errors, mark.moment, self._rows.jitter_m_s, self._receiver.errors)
+        if is_row and self._receiver.learn(self._rows.rows, known):
+            # Earlier velocities were corrected otherwise.
+            self._velocity.restart()
+            self._rows.restart()
+            self._forget_cause()
+            return None
         is_settled = t_us - self._unsettled_us > LONG_S * 1e6
         if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
@@ -273,7 +292,6 @@ class Monitor:
         if not is_row or t_us - self._explained_us < self._spacing_us(t_us):
             return None
         self._explained_us = t_us
-        known = Known(errors, mark.moment, self._rows.jitter_m_s)
         found = self._explained = explain(self._rows.rows, known)
         self._note_drift(t_us, found)
         if found.is_contradiction and self._contradicted_us is None:
@@ -386,7 +404,7 @@ class Monitor:
         open_ratio = OPEN_RATIO if self._contradicted_us is None else SUSPICIOUS_RATIO
         # The shortest window shows a large angle for a small velocity: it has to fail.
         tilts = [
-            window.tilt_rad
+            window.shown_tilt_rad
             for window in self._windows
             if window.ratio > (open_ratio if window.length_s > SURE_S else 1.0)
         ]

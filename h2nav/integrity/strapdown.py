@@ -16,7 +16,7 @@ from h2nav.attitude.record import reader
 from h2nav.attitude.samples import AttitudeEstimate, Quat, Vec3
 from h2nav.integrity.kernel.memory import BEGUN, KEPT, Memory
 from h2nav.integrity.watch import Watch
-from h2nav.maths.quaternion import multiply
+from h2nav.maths.quaternion import conjugate, log, multiply
 from h2nav.maths.units import DEG
 
 LENGTH_US = 12_000_000
@@ -41,6 +41,7 @@ class Moment(NamedTuple):
     gained_variance: float  # of `gained_s`, (m/s)^2, likewise
     q_sb: Quat = (1.0, 0.0, 0.0, 0.0)  # turn since the start, up to the last stored sample
     bias_b: Vec3 = (0.0, 0.0, 0.0)  # of the gyro, as known then, rad/s
+    rate_b: Vec3 = (0.0, 0.0, 0.0)  # of the turn around the time, rad/s
 
 
 class _Kept(NamedTuple):
@@ -119,7 +120,8 @@ class Strapdown:
         share = min((t_us - before.t_us) / span_us, 1.0) if span_us > 0 else 0.0
         a, b = before.numbers[_GAINED], after.numbers[_GAINED]
         gained = tuple(x + share * (y - x) for x, y in zip(a, b, strict=True))
-        return _moment(before, t_us, gained)
+        moment = _moment(before, t_us, gained)
+        return moment._replace(rate_b=_rate(before, after)) if span_us > 0 else moment
 
 
 def _moment(kept: _Kept, t_us: int, gained: Iterable[float]) -> Moment:
@@ -139,6 +141,18 @@ def _moment(kept: _Kept, t_us: int, gained: Iterable[float]) -> Moment:
         (w, x, y, z),
         (p, q, r),
     )
+
+
+def _rate(before: _Kept, after: _Kept) -> Vec3:
+    """Mean rate between two stored moments, rad/s, body."""
+    turned = log(multiply(conjugate(_turn(before)), _turn(after)))
+    x, y, z = (part * 1e6 / (after.t_us - before.t_us) for part in turned)
+    return x, y, z
+
+
+def _turn(kept: _Kept) -> Quat:
+    w, x, y, z = kept.numbers[:4]
+    return w, x, y, z
 
 
 def _sigmas(estimate: AttitudeEstimate) -> tuple[float, float]:

@@ -56,6 +56,12 @@ class VelocityRow(NamedTuple):
         return (a[0] - b[0], a[1] - b[1]), (d[0] - c[0], d[1] - c[1])
 
     @property
+    def swept(self) -> list[Level]:
+        """Effect of the antenna's place on the change of velocity, per m along each axis."""
+        pairs = zip(self.begun.swept_n, self.ended.swept_n, strict=True)
+        return [(b[0] - a[0], b[1] - a[1]) for a, b in pairs]
+
+    @property
     def began_late(self) -> tuple[Level, Level]:
         """The same if the latency begins with the row."""
         north, east = self.ended.accel_n
@@ -203,7 +209,7 @@ class VelocityColumns(NamedTuple):
 
 
 def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
-    """Effects of tilt north and east, heading, rate (3), scale (3), force (2) and latency (2).
+    """Effects of tilt (2), heading, rate (3), scale (3), force (2), latency (2) and antenna (3).
 
     Dead reckoning uses the attitude, the gyro's and the accelerometer's bias at the beginning of
     the first row: later estimates of these already contain the velocities in question.
@@ -216,7 +222,7 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
     levels: tuple[list[tuple[float, ...]], list[tuple[float, ...]]] = ([], [])
     gained, turns = [], []
     for row in rows:
-        own, late = _vectors(row.integrals), row.late
+        own, late, swept = _vectors(row.integrals), row.late, row.swept
         g = _in_n(to_n, own[GAINED])
         bent = [
             _level(to_n, _sum(b, cross(t, own[GAINED])))
@@ -236,6 +242,7 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
                     pushed[1][i],
                     late[0][i],
                     late[1][i],
+                    *(part[i] for part in swept),
                 )
             )
         gained.append(g)

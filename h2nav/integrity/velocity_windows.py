@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import Vec3, VelocityFix
 from h2nav.integrity.strapdown import Moment, Strapdown
-from h2nav.maths.quaternion import rotate
+from h2nav.maths.quaternion import multiply, rotate
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 LENGTHS_S = (1.0, 3.0, 10.0)
@@ -27,8 +27,10 @@ STALE_US = 3_000_000
 GATE = 3.0
 # Best accuracy of a good receiver, m/s.
 LEAST_SIGMA_M_S = 0.15
-# Unknown part of a fix's delay: receivers have 0.1 to 0.3 s.
-LAG_SIGMA_S = 0.15
+# Receivers are late by up to 0.5 s and do not say so, and their antenna is up to 1 m away from the
+# autopilot along any axis.
+DELAY_SIGMA_S = 0.2
+ANTENNA_SIGMA_M = 0.3
 # Unknown at the start of a window: 10 mg of an accelerometer error that turns with the vehicle,
 # 0.05 deg/s of a gyro after its alignment and 0.5 % of scale.
 FORCE_SIGMA_M_S2 = 0.01 * GRAVITY_M_S2
@@ -38,6 +40,17 @@ SCALE_SIGMA = 0.005
 Level = tuple[float, float]
 
 
+class ReceiverErrors(NamedTuple):
+    """Deviations of what is known of a receiver."""
+
+    delay_s: float = DELAY_SIGMA_S  # of its delay
+    # of its antenna's place from the IMU, m, body
+    antenna_b: Vec3 = (ANTENNA_SIGMA_M, ANTENNA_SIGMA_M, ANTENNA_SIGMA_M)
+
+
+UNKNOWN = ReceiverErrors()
+
+
 class Mark(NamedTuple):
     """A fix and the state of dead reckoning at its time."""
 
@@ -45,6 +58,8 @@ class Mark(NamedTuple):
     v_n: Level  # north and east, m/s
     sigma_m_s: float  # of each
     accel_n: Level  # acceleration since the previous mark, m/s^2, north and east
+    # velocity of a point 1 m away along each axis of the body, m/s, north and east
+    swept_n: tuple[Level, Level, Level] = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 
 class Window(NamedTuple):
@@ -65,6 +80,12 @@ class Window(NamedTuple):
         """The tilt error that would explain it."""
         return self.residual_m_s / (GRAVITY_M_S2 * self.length_s)
 
+    @property
+    def shown_tilt_rad(self) -> float:
+        """The same without the part that is expected of its deviation (two axes)."""
+        square = self.residual_m_s**2 - 2.0 * self.sigma_m_s**2
+        return math.sqrt(max(square, 0.0)) / (GRAVITY_M_S2 * self.length_s)
+
 
 class VelocityWindows:
     """Tracks the fixes beside a strapdown."""
@@ -72,6 +93,11 @@ class VelocityWindows:
     def __init__(self, strapdown: Strapdown) -> None:
         self._strapdown = strapdown
         self._marks: list[Mark] = []
+        self._receiver = UNKNOWN  # what is not known of delay and antenna
+
+    def use_receiver(self, errors: ReceiverErrors) -> None:
+        """Takes what is not known of the receiver."""
+        self._receiver = errors
 
     @property
     def marks(self) -> Sequence[Mark]:
@@ -92,7 +118,8 @@ class VelocityWindows:
             return False
         accel_n = (0.0, 0.0) if last is None else _acceleration(last.moment, moment)
         sigma_m_s = max(fix.sigma_m_s, LEAST_SIGMA_M_S)
-        self._marks.append(Mark(moment, (fix.v_n[0], fix.v_n[1]), sigma_m_s, accel_n))
+        v_n = (fix.v_n[0], fix.v_n[1])
+        self._marks.append(Mark(moment, v_n, sigma_m_s, accel_n, swept(moment)))
         while self._marks[0].moment.t_us < moment.t_us - 1.1e6 * LONG_S:
             del self._marks[0]
         return True
@@ -127,11 +154,29 @@ class VelocityWindows:
         variance = (
             start.sigma_m_s**2
             + end.sigma_m_s**2
-            + (LAG_SIGMA_S * jerk) ** 2
+            + (self._receiver.delay_s * jerk) ** 2
+            + self._by_antenna(start, end)
             + inertial_variance(first, last)
             + (min(first.sigma_heading_rad, math.pi) * change_m_s) ** 2
         )
         return Window(t_s, residual_m_s, math.sqrt(variance), math.hypot(*measured))
+
+    def _by_antenna(self, start: Mark, end: Mark) -> float:
+        """Variance per axis by the antenna's place, (m/s)^2."""
+        return 0.5 * sum(
+            (sigma_m * math.dist(a, b)) ** 2
+            for sigma_m, a, b in zip(
+                self._receiver.antenna_b, start.swept_n, end.swept_n, strict=True
+            )
+        )
+
+
+def swept(moment: Moment) -> tuple[Level, Level, Level]:
+    """Velocity of a point 1 m away along each axis of the body, m/s, north and east."""
+    q_nb = multiply(moment.q_ns, moment.q_sb)
+    x, y, z = moment.rate_b
+    forward, right, down = (rotate(q_nb, v) for v in ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
+    return forward[:2], right[:2], down[:2]
 
 
 def change_of_velocity(first: Moment, last: Moment) -> Vec3:

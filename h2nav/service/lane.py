@@ -283,6 +283,7 @@ class Lane:
         """Passes a velocity on; a dependent one marks all later estimates as dependent."""
         if self._intake.newest_us is not None:
             self._velocity_is_dependent |= not fix.independent
+            fix = self._monitor.corrected(fix)
             doubt = self._monitor.fix(fix, self._filter.sensor_errors)
             if doubt is not None:
                 self._filter.doubt(doubt)

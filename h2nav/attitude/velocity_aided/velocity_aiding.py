@@ -10,7 +10,7 @@ from h2nav.attitude.velocity_aided.heading_witness import LATENCIES_S
 from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 
 # Largest age of a fix (receivers take .1 to .3 s), and how early it may be without clock agreement.
-OLDEST_S = 0.6
+OLDEST_S = 0.8
 EARLIEST_S = 0.1
 WORST_SIGMA_M_S = 3.0
 # Best accuracy of a receiver, whatever it states.

@@ -190,6 +190,7 @@ def correct_by_fix(
         rate = g.gravity * s.k_velocity / s.fix_period_s
         own = noise * s.fix_period_s * rate * rate
         learns = own / (own + 2.0 * s.accel_jitter)
+    heading_variance = s.heading_variance
     row_lag = s.dvelocity_lag[0] - sample.fix_accel_n
     measure_all(s, w, s.dvelocity_n, s.dvelocity_accel_n, row_lag, north, noise, learns)
     predicted = w.predicted
@@ -197,6 +198,10 @@ def correct_by_fix(
     measure_all(s, w, s.dvelocity_e, s.dvelocity_accel_e, row_lag, east, noise, learns)
     follow_bias(s, w, xx, yy, zz)
     adapt_walk(s, s.fix_period_s)
+    if s.rest_s >= g.rest_time_s:
+        # No acceleration shows the heading: it only adds uncertainty.
+        s.heading_variance = heading_variance
+        w.dtheta[3] = 0.0
     match_variance(s, g, north, east, predicted + w.predicted, s.fix_period_s)
     use_gains(s, sample.fix_accel_n, sample.fix_accel_e, s.k_tilt, s.k_velocity)
     correct_accel(s, w, g)
