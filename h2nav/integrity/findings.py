@@ -16,12 +16,20 @@ __all__ = ["Alarm", "Finding", "Findings", "Kind", "Phase", "Sensor", "SensorKin
 
 # A fault that returns within this time continues.
 PAUSE_S = 10.0
+# A level that stands at its limit crosses it again and again: one condition. It ends when the level
+# has been within the limit for this long, and is the same one when it returns within the pause.
+LEVELS = frozenset({Kind.VIBRATION, Kind.CLIPPING, Kind.CLIPPED_SAMPLES})
+LINGER_S = 10.0
+LEVEL_PAUSE_S = 300.0
 # Per run; further ones are counted but not kept.
 MOST_FINDINGS = 500
 # A finding is reported again when it grows, and periodically for late clients.
 UPDATE_S = 5.0
 REPEAT_S = 60.0
 GROWTH = 1.25
+# Alarms are asked for five times a second; one that was absent for longer had ended.
+GAP_S = 1.0
+MOSTLY = 0.9
 
 _NAMES = {SensorKind.IMU: "IMU", SensorKind.GPS: "GPS", SensorKind.AHRS2: "AHRS2"}
 
@@ -118,6 +126,7 @@ class Change(NamedTuple):
 
     begun: list[Alarm]  # alarms that are new
     news: list[tuple[Phase, Finding]]  # findings to report, in the order of their beginning
+    worse: list[Alarm]  # alarms that are more severe than their findings were
 
 
 class _Entry:
@@ -127,19 +136,30 @@ class _Entry:
         finding: its present state.
     """
 
-    __slots__ = ("_is_renewed", "_reported_s", "_reported_size", "_shown", "finding")
+    __slots__ = (
+        "_evidence",
+        "_held_s",
+        "_is_renewed",
+        "_reported_s",
+        "_reported_size",
+        "_shown",
+        "finding",
+    )
 
     def __init__(self, t_s: float, alarm: Alarm, identity: str) -> None:
         kind, sensor, severity, size, unit, text, evidence, _, since_s, is_decided, _ = alarm
         self.finding = Finding(
             kind, sensor, severity, t_s - since_s, t_s, size, unit, text, evidence, identity, True
         )
+        self._held_s, self._evidence = since_s, evidence
         self._shown = is_decided, size  # of the present text and evidence
         self._reported_s, self._reported_size, self._is_renewed = t_s, size, False
 
     def extend(self, t_s: float, alarm: Alarm) -> None:
         """Continues the finding, or reopens it."""
         found = self.finding
+        passed_s = t_s - found.to_s
+        self._held_s += passed_s if passed_s < GAP_S else 0.0
         severity, size = min(found.severity, alarm.severity), max(found.size, alarm.size)
         self._is_renewed |= severity < found.severity
         self.finding = found._replace(to_s=t_s, severity=severity, size=size, is_open=True)
@@ -147,8 +167,16 @@ class _Entry:
         shown = alarm.is_decided, alarm.size
         if shown > self._shown:
             self._is_renewed |= shown[0] > self._shown[0]
-            self._shown = shown
-            self.finding = self.finding._replace(text=alarm.text, evidence=alarm.evidence)
+            self._shown, self._evidence = shown, alarm.evidence
+            self.finding = self.finding._replace(text=alarm.text)
+        self.finding = self.finding._replace(evidence=self._evidence + self._share)
+
+    @property
+    def _share(self) -> str:
+        """Of a level, the share of the time in which it was beyond its limit, for people."""
+        found = self.finding
+        share = self._held_s / max(found.to_s - found.from_s, GAP_S)
+        return f"; {share:.0%} of this time" if found.kind in LEVELS and share < MOSTLY else ""
 
     def close(self) -> None:
         """Closes the finding."""
@@ -198,20 +226,26 @@ class Findings:
             alarms: at most one of each kind and sensor.
         """
         self.alarms = tuple(alarms)
-        before, count = self._open, len(self._entries)
-        places = [self._place(t_s, alarm) for alarm in self.alarms]
-        self._open = frozenset(place for place in places if place is not None)
-        begun = [
-            alarm
-            for alarm, place in zip(self.alarms, places, strict=True)
-            if place is not None and place >= count
-        ]
+        before = self._open
+        begun, worse, places = [], [], set()
+        for alarm in self.alarms:
+            known = self._known(t_s, alarm)
+            if known is not None and alarm.severity < self._entries[known].finding.severity:
+                worse.append(alarm)
+            place = self._place(t_s, alarm, known)
+            if place is None:
+                continue
+            places.add(place)
+            if known is None:
+                begun.append(alarm)
+        places |= {place for place in before - places if self._lingers(t_s, place)}
+        self._open = frozenset(places)
         news = [
             (phase, self._entries[place].report(t_s))
             for place in sorted(before | self._open)
             if (phase := self._phase(t_s, place, before)) is not None
         ]
-        return Change(begun, news)
+        return Change(begun, news, worse)
 
     def _phase(self, t_s: float, place: int, before: frozenset[int]) -> Phase | None:
         """The report due for a finding that is, or was, open."""
@@ -223,16 +257,28 @@ class Findings:
             return Phase.BEGIN
         return Phase.UPDATE if entry.is_due(t_s) else None
 
-    def _place(self, t_s: float, alarm: Alarm) -> int | None:
-        """Index of the finding that an alarm continues or begins; None if there are too many."""
-        key = alarm.kind, alarm.sensor
-        place = self._latest.get(key)
-        if place is not None and t_s - self._entries[place].finding.to_s <= PAUSE_S:
-            self._entries[place].extend(t_s, alarm)
-            return place
+    def _lingers(self, t_s: float, place: int) -> bool:
+        """Whether an open finding without an alarm is not over yet."""
+        finding = self._entries[place].finding
+        return finding.kind in LEVELS and t_s - finding.to_s <= LINGER_S
+
+    def _known(self, t_s: float, alarm: Alarm) -> int | None:
+        """Index of the finding that an alarm continues; None if it begins one."""
+        place = self._latest.get((alarm.kind, alarm.sensor))
+        pause_s = LEVEL_PAUSE_S if alarm.kind in LEVELS else PAUSE_S
+        if place is None or t_s - self._entries[place].finding.to_s > pause_s:
+            return None
+        return place
+
+    def _place(self, t_s: float, alarm: Alarm, known: int | None) -> int | None:
+        """Index of an alarm's finding, continued or begun; None if there are too many."""
+        if known is not None:
+            self._entries[known].extend(t_s, alarm)
+            return known
         if len(self._entries) == MOST_FINDINGS:
             self.omitted += 1
             return None
+        key = alarm.kind, alarm.sensor
         self._latest[key] = len(self._entries)
         identity = next_id(alarm.kind, alarm.sensor, self._counts)
         self._entries.append(_Entry(t_s, alarm, identity))

@@ -147,6 +147,7 @@ class Monitor:
         self._contradicted_us: int | None = None
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
+        self._acquitted: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
         self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
         self._drift_tilt_rad, self._drift_us = 0.0, 0
@@ -331,6 +332,8 @@ class Monitor:
         if not self._decisions or self._period_us >= SLOW_US:
             return None
         cause = self._decisions.most_common(1)[0][0]
+        if cause in self._acquitted:
+            return None
         return cause if cause is not Cause.VELOCITY or self.velocity_is_false else None
 
     @property
@@ -352,6 +355,11 @@ class Monitor:
     def use_field(self, field: EarthField) -> None:
         """Takes the earth's field."""
         self._field.use_field(field)
+
+    def use_agreed(self, *, gyro: bool, accelerometer: bool) -> None:
+        """Takes which of its sensors show the same as another IMU's: they are not accused."""
+        found = ((Cause.GYRO, gyro), (Cause.ACCELEROMETER, accelerometer))
+        self._acquitted = frozenset(cause for cause, agrees in found if agrees)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Takes the autopilot's report of the vehicle."""

@@ -21,6 +21,7 @@ from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2
+from h2nav.integrity.voting import FieldVoting, InertialSensor, Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
@@ -134,6 +135,7 @@ class Estimation:
         self._newest: tuple[int, int] | None = None
         self._has_sent = False
         self._first_ns: int | None = None
+        self._voting, self._field_voting = Voting(), FieldVoting()
 
     # --- what is known of the lane that is sent -----------------------------------------------
 
@@ -174,10 +176,20 @@ class Estimation:
     def alarms(self) -> list[Alarm]:
         """Alarms of the attitude that is sent, and of the sensors of every IMU."""
         found = [alarm for lane in self._lanes for alarm in lane.alarms(lane is self._sent)]
-        found += self._compasses.alarms()
+        found += self._voted(found) + self._compasses.alarms()
         known = {alarm.kind for alarm in found}
         reported = self._shaking.alarms(self._heard_ns)
         return found + [alarm for alarm in reported if alarm.kind not in known]
+
+    def _voted(self, known: list[Alarm]) -> list[Alarm]:
+        """Alarms of sensors that others contradict, but for those already found to be faulty."""
+        own = {(alarm.kind, alarm.sensor) for alarm in known}
+        sent = None if self._sent is None else self._sent.sensor
+        return [
+            alarm._replace(degrades=alarm.degrades and alarm.sensor == sent)
+            for alarm in (*self._voting.alarms(), *self._field_voting.alarms())
+            if (alarm.kind, alarm.sensor) not in own
+        ]
 
     @property
     def ratios(self) -> InnovationRatios:
@@ -238,17 +250,19 @@ class Estimation:
         newest = self._newest if self._has_sent else None
         incoming = Incoming(t_ns, message_id, reading, newest)
         for lane, need in self._takers:
+            before = lane.newest
             step = lane.take(incoming, need)
             is_accused |= step.is_accused
+            if self._twins and lane.newest is not None and lane.newest is not before:
+                self._voting.take(lane.imu, lane.newest)
+                self._find_twins(t_ns, lane)
             if step.sample is not None:
                 steps[lane.imu] = step
                 seen = lane.newest or step.sample  # with a field that the filter does not use
                 self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
         switched = ""
-        if self._twins:
-            self._find_twins(t_ns)
-            if is_accused or t_ns - self._looked_ns >= LOOK_NS:
-                switched = self._look(t_ns)
+        if self._twins and (is_accused or t_ns - self._looked_ns >= LOOK_NS):
+            switched = self._look(t_ns)
         sent = self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), switched)
         return sent._replace(is_accused=True) if is_accused else sent
 
@@ -325,6 +339,7 @@ class Estimation:
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; returns the text of a switch."""
         self._looked_ns = t_ns
+        self._vote()
         for lane in self._lanes:
             lane.judge(t_ns)
         if not self._has_sent:
@@ -339,6 +354,16 @@ class Estimation:
             {lane.imu: self._condition(t_ns, lane) for lane in self._lanes},
         )
         return self._switched(switch) if switch is not None else ""
+
+    def _vote(self) -> None:
+        """Compares the sensors of all lanes."""
+        lanes = {lane.imu: lane for lane in self._lanes if lane.newest is not None}
+        suspicions = {imu: lane.suspicion for imu, lane in lanes.items()}
+        frozen = {(part, imu) for imu, lane in lanes.items() for part in lane.frozen_parts()}
+        for imu, moved in self._voting.look(suspicions, frozen).items():
+            lanes[imu].use_moved_zero(moved)
+        for imu, lane in lanes.items():
+            lane.use_votes(self._voting.verdict(imu))
 
     def _condition(self, t_ns: int, lane: Lane) -> Condition:
         found, shaking = lane.condition(t_ns, self._lane), self._shaking
@@ -356,9 +381,10 @@ class Estimation:
                 return lane
         return self._lane
 
-    def _find_twins(self, t_ns: int) -> None:
+    def _find_twins(self, t_ns: int, lane: Lane) -> None:
+        """Compares a lane's newest sample with those of all others."""
         for one, other, twins in self._twins:
-            if one.newest is None or other.newest is None:
+            if lane not in (one, other) or one.newest is None or other.newest is None:
                 continue
             if twins.compare(one.newest, other.newest):
                 (one if other is self._sent else other).rest(t_ns)
@@ -383,8 +409,10 @@ class Estimation:
         compasses = self._compasses
         turned = Level(estimate.q_nb, math.hypot(*estimate.w_b), level in shown)
         compasses.look(t_ns // 1000, fields, turned, fits)
+        self._field_voting.look(t_ns // 1000, fields)
+        wrong = compasses.wrong | self._field_voting.frozen
         for lane in self._lanes:
-            lane.use_verdict(lane.imu in compasses.wrong, compasses.doubt_rad(lane.imu))
+            lane.use_verdict(lane.imu in wrong, compasses.doubt_rad(lane.imu))
             if lane is not self._lane:
                 lane.drop_heading()
 
@@ -406,7 +434,9 @@ class Estimation:
     def _reason(self, before: Lane, lane: Lane, cause: SwitchCause) -> str:
         """Why another lane is sent, for people."""
         if cause is SwitchCause.BAD:
-            return next((alarm.text for alarm in before.faults()), "sensor bad")
+            faults = (*before.faults(), *self._voting.alarms())
+            own = (alarm.text for alarm in faults if alarm.sensor == before.sensor)
+            return next(own, "its gyro or force is off")
         if cause is SwitchCause.WORSE:
             return self._worse_by(before, lane)
         return _REASONS[cause]
@@ -418,10 +448,12 @@ class Estimation:
         agrees with one field and contradicts the other. Two headings that hardly differ say nothing
         about a compass, unless the compasses differ, nor is it gyro or force then.
         """
-        (twins,) = (twins for *pair, twins in self._twins if worse in pair and lane in pair)
+        rates_agree, forces_agree = (
+            self._voting.agree(part, worse.imu, lane.imu) for part in InertialSensor
+        )
         turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
         turns_apart = turn > 1.0 and of_lane < CLEARLY * turn
-        if not twins.rates_agree or not (twins.forces_agree or turns_apart):
+        if not rates_agree or not (forces_agree or turns_apart):
             return _REASONS[SwitchCause.WORSE]
         tilt_rad, heading_rad = _apart(worse, lane)
         is_turned = abs(heading_rad) > max(APART_RAD, tilt_rad)

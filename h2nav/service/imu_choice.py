@@ -115,6 +115,10 @@ class ImuChoice:
             return FOREVER_NS
         return self._last_ns + self.SILENT_NS
 
+    def prefer(self, message_id: int, t_ns: int) -> None:
+        """Uses another message from now on, until it is silent."""
+        self._chosen, self._used, self._last_ns = message_id, self.SETTLED, t_ns
+
     def takes(self, message_id: int, t_ns: int) -> None:
         """Notes that a considered message was decoded, which makes it the one in use."""
         if message_id != self._chosen:

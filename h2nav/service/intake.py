@@ -7,6 +7,7 @@ from h2nav.attitude.samples import ImuSample
 from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
+from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
@@ -22,6 +23,7 @@ class Need(IntEnum):
     NONE = 0
     FIELD = 1
     SAMPLE = 2
+    IDENTITY = 3  # it shows whether the message in use is still that of the lane's IMU
 
 
 class Incoming(NamedTuple):
@@ -62,6 +64,7 @@ class Intake:
         self._choice = ImuChoice(message_ids)
         self._ids = {*message_ids, CALIBRATED_ID}
         self._fields = FieldSource(autopilot, lends=lends)
+        self._identity = ImuIdentity()
         self._clock: SampleClock | None = None
         self._clock_of: int | None = None
         self._newest_ns: int | None = None
@@ -102,6 +105,8 @@ class Intake:
             return Need.NONE
         if self._choice.considers(message_id, t_ns):
             return Need.SAMPLE
+        if self._may_identify(message_id):
+            return Need.IDENTITY if t_ns >= self._identity.next_ns else Need.NONE
         lends = message_id == CALIBRATED_ID and self._fields.is_wanted(self._choice.chosen)
         return Need.FIELD if lends else Need.NONE
 
@@ -109,13 +114,22 @@ class Intake:
         """The host time until which a message that is not needed stays so."""
         if message_id == CALIBRATED_ID and not self._choice.is_settled:
             return 0  # a message that borrows its field may come into use
-        return self._choice.idle_until_ns(message_id)
+        idle_ns = self._choice.idle_until_ns(message_id)
+        return min(idle_ns, self._identity.next_ns) if self._may_identify(message_id) else idle_ns
+
+    def _may_identify(self, message_id: int) -> bool:
+        """Whether a message shows whose samples the one in use are."""
+        is_first = message_id == FIRST_ID and message_id in self._ids and not self._takes_others
+        row = self._choice.chosen
+        return is_first and row is not None and row.message_id == ANYONES_ID
 
     def take(self, incoming: Incoming, need: Need) -> Arrived:
         """Takes a reading; `need` is the answer to whether it is needed."""
         t_ns, message_id, reading, newest_sent = incoming
         if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
             self._fields.take_field(t_ns, reading.m_b_ut)
+            return FIELD_ONLY
+        if self._shows_another(incoming, need):
             return FIELD_ONLY
         self._choice.takes(message_id, t_ns)
         verdict, t_us = self._clock_for(message_id, newest_sent).advance(t_ns, reading.time)
@@ -129,6 +143,17 @@ class Intake:
             t_ns, IMU_MESSAGES[message_id], reading
         )
         return Arrived(verdict, tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
+
+    def _shows_another(self, incoming: Incoming, need: Need) -> bool:
+        """Whether a reading only identifies, or has just proved to be another IMU's."""
+        t_ns, message_id, reading, _ = incoming
+        if message_id not in (ANYONES_ID, FIRST_ID):
+            return False
+        is_anothers = self._identity.take(t_ns, message_id, reading)
+        if is_anothers and self._may_identify(FIRST_ID):
+            self._choice.prefer(FIRST_ID, t_ns)
+            return True
+        return need is Need.IDENTITY
 
     def restart(self) -> None:
         """Restarts with the autopilot's time or the filter."""

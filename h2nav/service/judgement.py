@@ -6,7 +6,7 @@ Findings depend on messages and their times alone, so a replay finds the same.
 from collections.abc import Iterable
 from typing import Protocol
 
-from h2nav.integrity.findings import Alarm, Finding, Findings
+from h2nav.integrity.findings import Alarm, Finding, Findings, Severity
 from h2nav.service.effects import Effect, Found
 from h2nav.service.health import Objection
 from h2nav.service.limits import SECOND_NS
@@ -39,6 +39,7 @@ class Judgement:
         self._start_ns: int | None = None
         self._looked_ns = 0
         self._again_ns = 0
+        self._untold: set[tuple[str, Severity]] = set()  # alarms that have not been told yet
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -78,9 +79,25 @@ class Judgement:
         alarms = [alarm for one in self._judged for alarm in one.alarms()]
         if t_ns < self._again_ns:
             alarms = []
-        begun, news = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
+        begun, news, worse = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
         effects: list[Effect] = [Found(phase, finding) for phase, finding in news]
-        for alarm in begun:
-            if not alarm.degrades:  # the state reports those that do
-                effects += self._report(t_ns, alarm.severity, alarm.notice, alarm.cause)
+        return effects + self._tell(t_ns, (*begun, *worse))
+
+    def _tell(self, t_ns: int, news: Iterable[Alarm]) -> list[Effect]:
+        """Reports alarms in words, one of a kind a minute: what has to wait is told if it lasts.
+
+        A sensor that fails is told at once, whatever others did.
+        """
+        self._untold |= {(alarm.cause, alarm.severity) for alarm in news}
+        untold, self._untold = self._untold, set()
+        effects: list[Effect] = []
+        for alarm in self._findings.alarms:
+            key = alarm.cause, alarm.severity
+            if key not in untold or alarm.degrades:  # the state reports those that do
+                continue
+            subject = alarm.cause if alarm.severity <= Severity.ERROR else str(alarm.kind)
+            told = self._report(t_ns, alarm.severity, alarm.notice, subject)
+            effects += told
+            if not told:
+                self._untold.add(key)
         return effects

@@ -17,9 +17,10 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.integrity.findings import Alarm, Sensor, SensorKind
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
+from h2nav.integrity.voting import InertialSensor, Suspicion, Verdict
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
@@ -42,6 +43,12 @@ CALM_RATIO = 0.5
 FIXED_WING_SPEEDS = Speeds(30.0)
 OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
+# What a lane's velocity says of its sensors, which their comparison with others knows better.
+BY_VELOCITY = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
+FROZEN_PARTS = {
+    Kind.GYRO_FROZEN: (InertialSensor.GYRO,),
+    Kind.ACCELEROMETER_FROZEN: (InertialSensor.ACCELEROMETER,),
+}
 
 
 class Step(NamedTuple):
@@ -104,6 +111,7 @@ class Lane:
         self.compass_is_wrong = False  # its field shows a wrong north, and is not used
         self.heading_is_wrong = False  # the filter still has the heading of such a field
         self._doubt_rad = 0.0
+        self._verdict = Verdict()
 
     # --- what is known ------------------------------------------------------------------------
 
@@ -200,6 +208,8 @@ class Lane:
     def alarms(self, is_sent: bool) -> list[Alarm]:
         """Its alarms; only those of its sensors if it is not sent."""
         found = self._monitor.alarms(self._intake.newest_us or 0)
+        if self._verdict.wrong:
+            found = tuple(alarm for alarm in found if alarm.kind not in BY_VELOCITY)
         if is_sent:
             return list(found)
         return [alarm._replace(degrades=False) for alarm in found if alarm.sensor == self.sensor]
@@ -208,6 +218,21 @@ class Lane:
         """Alarms of sensors known to be faulty now."""
         alarms = self.alarms(is_sent=True)
         return [alarm for alarm in alarms if alarm.degrades and alarm.sensor == self.sensor]
+
+    def frozen_parts(self) -> tuple[InertialSensor, ...]:
+        """Its sensors that are faulty by their own values."""
+        if not self._monitor.sensor_is_bad:
+            return ()
+        faults = self.faults()
+        return tuple(
+            part for fault in faults for part in FROZEN_PARTS.get(fault.kind, tuple(InertialSensor))
+        )
+
+    @property
+    def suspicion(self) -> Suspicion:
+        """What contradicts its attitude."""
+        ratios = self._monitor.ratios
+        return Suspicion(ratios.of_velocity, ratios.of_turn)
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples."""
@@ -296,6 +321,18 @@ class Lane:
         self.compass_is_wrong = compass_is_wrong
         self._doubt_rad = doubt_rad if self.heading_is_wrong or not compass_is_wrong else 0.0
 
+    def use_votes(self, verdict: Verdict) -> None:
+        """Takes what the comparison with the sensors of other IMUs says of its own."""
+        self._verdict = verdict
+        self._monitor.use_agreed(
+            gyro=InertialSensor.GYRO in verdict.agreed,
+            accelerometer=InertialSensor.ACCELEROMETER in verdict.agreed,
+        )
+
+    def use_moved_zero(self, moved: Vec3) -> None:
+        """Takes by how much its gyro's zero has moved, rad/s."""
+        self._bias.shift(moved)
+
     def drop_heading(self) -> None:
         """Resets a filter with the heading of a wrong field; only while it is not sent."""
         if self.heading_is_wrong:
@@ -307,7 +344,7 @@ class Lane:
         if t_ns - self._counted_ns >= SECOND_NS:
             self.rate_hz = self._counted * 1e9 / (t_ns - self._counted_ns)
             self._counted_ns, self._counted = t_ns, 0
-        is_bad = self._monitor.sensor_is_bad
+        is_bad = self._monitor.sensor_is_bad or bool(self._verdict.wrong)
         self._trust.judge(t_ns, sensor_is_bad=is_bad)
         if is_bad or self._unled is None or self.is_spoilt:
             return
@@ -381,11 +418,19 @@ class Lane:
         if unled is not None:
             self._monitor.add(sample, unled)
             unled = self._monitor.opened(unled)
-            if self._doubt_rad > 0.0:
-                sigma_rad = math.hypot(unled.sigma_heading_rad, self._doubt_rad)
-                unled = unled._replace(sigma_heading_rad=sigma_rad)
+            unled = self._opened(unled)
         self._unled = unled
         return Step(sample, unled, event, is_accused)
+
+    def _opened(self, unled: AttitudeEstimate) -> AttitudeEstimate:
+        """The estimate with the doubts that other lanes cast on it."""
+        of_sensors_rad, doubt_rad = self._verdict.open_rad, self._doubt_rad
+        if of_sensors_rad == 0.0 and doubt_rad == 0.0:
+            return unled
+        return unled._replace(
+            sigma_tilt_rad=math.hypot(unled.sigma_tilt_rad, of_sensors_rad),
+            sigma_heading_rad=math.hypot(unled.sigma_heading_rad, doubt_rad, of_sensors_rad),
+        )
 
 
 def _usable(sample: ImuSample, use: Use, *, is_at_end: bool, has_field: bool) -> ImuSample:

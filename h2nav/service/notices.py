@@ -42,37 +42,37 @@ class Notices:
 
     def __init__(self, as_status_text: bool) -> None:
         self._as_status_text = as_status_text
-        self._reported_ns: OrderedDict[str, int] = OrderedDict()
+        self._reported: OrderedDict[str, tuple[int, Severity]] = OrderedDict()
         self._limit = RateLimit(NOTICES_PER_S, NOTICES_AT_ONCE)
         self._waiting: deque[tuple[Severity, str]] = deque(maxlen=WAITING)
         self._sent_ns: int | None = None
         self._text_id = 0
 
-    def may_report(self, t_ns: int, cause: str) -> bool:
-        """Whether this cause may be reported again."""
-        reported_ns = self._reported_ns.get(cause)
-        return reported_ns is None or t_ns - reported_ns >= REPEAT_NS
+    def may_report(self, t_ns: int, cause: str, severity: Severity = Severity.INFO) -> bool:
+        """Whether this cause may be reported again: after a while, or because it is worse."""
+        known = self._reported.get(cause)
+        return known is None or t_ns - known[0] >= REPEAT_NS or severity < known[1]
 
     def report(self, t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
-        """Returns the notice, unless its cause has been reported within the last minute.
+        """Returns the notice, unless its cause has been reported, as severe, in the last minute.
 
         Args:
             cause: identifies the notice if the text holds changing figures; default: the text.
         """
         cause = cause or text
-        if not self.may_report(t_ns, cause) or not self._limit.allows(t_ns):
+        if not self.may_report(t_ns, cause, severity) or not self._limit.allows(t_ns):
             return []
-        self._reported_ns[cause] = t_ns
-        self._reported_ns.move_to_end(cause)
-        if len(self._reported_ns) > MOST_CAUSES:
-            self._reported_ns.popitem(last=False)
+        self._reported[cause] = t_ns, severity
+        self._reported.move_to_end(cause)
+        if len(self._reported) > MOST_CAUSES:
+            self._reported.popitem(last=False)
         if self._as_status_text:
             self._waiting.append((severity, text))
         return [Notice(severity, text)]
 
     def forget(self, cause: str) -> None:
         """Lets this cause be reported again at once."""
-        self._reported_ns.pop(cause, None)
+        self._reported.pop(cause, None)
 
     def remind(self, texts: Iterable[tuple[Severity, str]]) -> None:
         """Sends texts to the ground station again, for a station that has just come."""

@@ -30,6 +30,11 @@ class OwnBias:
             a, b, c = other._offset
             self._offset = (x - u + a, y - v + b, z - w + c)
 
+    def shift(self, moved: Vec3) -> None:
+        """Notes by how much the gyro's zero has moved since it was known, rad/s."""
+        a, b, c = moved
+        self._known = [(t_ns, (x + a, y + b, z + c)) for t_ns, (x, y, z) in self._known]
+
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
         """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""
         if self._offset == NO_OFFSET:

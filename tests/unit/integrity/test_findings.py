@@ -142,3 +142,27 @@ def test_every_kind_of_a_check_in_flight_has_a_meaning():
     assert set(MEANINGS) <= set(Kind)
     silent = [kind for kind, one in MEANINGS.items() if not one.means]
     assert silent == []
+
+
+def test_a_level_at_its_limit_is_one_condition_with_its_share_of_the_time():
+    findings, reported = Findings(), []
+    shaking = Alarm(Kind.VIBRATION, IMU_1, Severity.NOTICE, 31.0, "m/s2", "vibration", "rms of 1 s")
+    for tick in range(23 * 60 * 5):
+        t_s = tick / 5.0
+        change = findings.update(t_s, [shaking] if t_s % 12.0 < 3.0 else [])
+        reported += [phase for phase, _ in change.news if phase is not Phase.UPDATE]
+    (found,) = findings.all
+    assert reported == [Phase.BEGIN]
+    assert found.evidence.startswith("rms of 1 s; 2")
+    assert found.evidence.endswith("% of this time")
+
+
+def test_what_grows_worse_is_news_again():
+    findings = Findings()
+    severities = (Severity.NOTICE, Severity.NOTICE, Severity.WARNING, Severity.WARNING)
+    changes = [
+        findings.update(float(t_s), [alarm(severity=severity)])
+        for t_s, severity in enumerate(severities)
+    ]
+    assert [len(change.begun) for change in changes] == [1, 0, 0, 0]
+    assert [len(change.worse) for change in changes] == [0, 0, 1, 0]

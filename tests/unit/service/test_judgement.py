@@ -1,8 +1,10 @@
 """What is wrong, told a few times a second."""
 
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.service.effects import Notice
 from h2nav.service.judgement import Judgement
 from h2nav.service.limits import SECOND_NS
+from h2nav.service.notices import Notices
 
 WRONG = Alarm(
     Kind.ATTITUDE_GRAVITY,
@@ -56,3 +58,51 @@ def test_what_was_wrong_before_a_pause_is_not_told_again_at_its_end() -> None:
     assert not judgement.objections
     judgement.look(round(61.2 * SECOND_NS))
     assert len(judgement.findings) == 2
+
+
+class Switching:
+    """Alarms that a test sets."""
+
+    def __init__(self) -> None:
+        self.now: tuple[Alarm, ...] = ()
+
+    def alarms(self) -> tuple[Alarm, ...]:
+        return self.now
+
+
+def vibration(imu: int, severity: Severity = Severity.NOTICE) -> Alarm:
+    sensor = Sensor(SensorKind.IMU, imu)
+    return Alarm(Kind.VIBRATION, sensor, severity, 31.0, "m/s2", "vibration", "seen")
+
+
+def test_one_kind_is_told_once_a_minute_and_what_waits_is_told_if_it_lasts() -> None:
+    switching, notices = Switching(), Notices(as_status_text=True)
+    judgement = Judgement(notices.report, switching)
+
+    def told(from_s: int, to_s: int) -> list[str]:
+        effects = []
+        for tick in range(5 * from_s, 5 * to_s):
+            effects += judgement.look(SECOND_NS + tick * SECOND_NS // 5)
+        return [effect.text for effect in effects if isinstance(effect, Notice)]
+
+    switching.now = (vibration(1),)
+    assert told(0, 10) == ["IMU 1: vibration"]
+    switching.now = (vibration(1), vibration(2))
+    assert told(10, 58) == []
+    assert told(58, 70) == ["IMU 2: vibration"]
+    switching.now = (vibration(1, Severity.WARNING), vibration(2))
+    assert told(70, 75) == ["IMU 1: vibration"], "worse than before"
+
+
+def test_each_sensor_that_fails_is_told_at_once() -> None:
+    switching, notices = Switching(), Notices(as_status_text=True)
+    judgement = Judgement(notices.report, switching)
+    frozen = [
+        Alarm(Kind.GYRO_FROZEN, Sensor(SensorKind.IMU, n), Severity.ERROR, 1.0, "s", "frozen", "")
+        for n in (1, 2)
+    ]
+    switching.now = (frozen[0],)
+    judgement.look(SECOND_NS)
+    switching.now = tuple(frozen)
+    effects = judgement.look(2 * SECOND_NS)
+    assert [effect.text for effect in effects if isinstance(effect, Notice)] == ["IMU 2: frozen"]

@@ -29,7 +29,7 @@ def test_however_many_causes_there_are_the_lines_are_bounded():
         for effect in notices.report(i * SECOND_NS // 1000, Severity.INFO, f"cause {i}")
     ]
     assert len(told) <= NOTICES_AT_ONCE + 0.3 * 100 + 1
-    assert len(notices._reported_ns) <= MOST_CAUSES
+    assert len(notices._reported) <= MOST_CAUSES
 
 
 def test_one_status_text_a_second_and_none_twice():

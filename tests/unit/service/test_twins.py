@@ -42,17 +42,3 @@ def test_at_rest_nothing_is_said():
 
 def test_samples_of_different_times_are_not_compared():
     assert not are_one(stream(), stream(late_us=5000))
-
-
-def test_what_two_imus_measure_is_compared_in_the_mean():
-    def offset(w=0.0, f=0.0):
-        twins = Twins()
-        pairs = zip(stream(noise=0.05, seed=2), stream(noise=0.05, seed=3), strict=True)
-        for one, other in pairs:
-            (p, q, r), (x, y, z) = other.w_b, other.f_b
-            twins.compare(one, other._replace(w_b=(p, q + w, r), f_b=(x, y, z + f)))
-        return twins.rates_agree, twins.forces_agree
-
-    assert offset() == (True, True)
-    assert offset(w=0.1) == (False, True)
-    assert offset(f=0.6) == (True, False)

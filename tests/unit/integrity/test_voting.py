@@ -1,0 +1,273 @@
+"""Gyros and accelerometers of several IMUs vote, and so do compasses that stand still."""
+
+import math
+import random
+from dataclasses import dataclass, field
+
+import pytest
+
+from h2nav.attitude.samples import ImuSample
+from h2nav.integrity.findings import Kind
+from h2nav.integrity.voting import HEARING_US, FieldVoting, InertialSensor, Suspicion, Voting
+from h2nav.maths.units import DEG, GRAVITY_M_S2
+
+NOBODY = frozenset()
+FAULT_S = 40.0
+
+
+def rate(t_s):
+    """A brisk flight, rad/s: turns of up to 60 deg/s, never the same again."""
+    return tuple(
+        0.5 * math.sin(a * t_s + b) + 0.5 * math.sin(1.7 * a * t_s)
+        for a, b in ((1.1, 0.0), (0.9, 1.0), (0.5, 2.0))
+    )
+
+
+def force(t_s):
+    return (
+        math.sin(0.7 * t_s),
+        1.5 * math.sin(0.4 * t_s + 1.0),
+        math.sin(1.3 * t_s) - GRAVITY_M_S2,
+    )
+
+
+@dataclass
+class Imu:
+    """A sensor with what sound ones differ by, and a fault from `FAULT_S` on."""
+
+    seed: int
+    hz: float = 100.0
+    bias: tuple = (0.0, 0.0, 0.0)
+    drift: float = 0.0  # rad/s per second
+    turned: float = 0.0  # about its x axis, rad
+    scale: float = 1.0
+    late_s: float = 0.0
+    lever_m: float = 0.0
+    shaken_m_s2: float = 0.0
+    gyro_fault: object = None  # from the true rate, and the time, to what is read
+    force_fault: object = None
+    _random: random.Random = field(init=False)
+
+    def __post_init__(self):
+        self._random = random.Random(self.seed)
+        self._still = None
+
+    def sample(self, t_s):
+        true_s = t_s - self.late_s
+        w, f = rate(true_s), force(true_s)
+        w_dot = tuple(
+            (a - b) * 500.0 for a, b in zip(rate(true_s + 1e-3), rate(true_s - 1e-3), strict=True)
+        )
+        r = (self.lever_m, 0.0, 0.0)
+        f = add(f, cross(w_dot, r), cross(w, cross(w, r)))
+        w, f = self._as_read(w), self._as_read(f)
+        w = add(w, self.bias, 3 * (self.drift * t_s,))
+        if t_s >= FAULT_S:
+            w = self.gyro_fault(w, t_s) if self.gyro_fault else w
+            f = self.force_fault(f, t_s) if self.force_fault else f
+        w = tuple(round(x + self._noise(0.003), 3) for x in w)
+        f = tuple(round(x + self._noise(0.05 + self.shaken_m_s2), 2) for x in f)
+        if t_s >= FAULT_S and self.gyro_fault is frozen:
+            w = self._still = self._still or w
+        return ImuSample(round(t_s * 1e6), w, f)
+
+    def _as_read(self, v):
+        x, y, z = (self.scale * each for each in v)
+        c, s = math.cos(self.turned), math.sin(self.turned)
+        return x, c * y - s * z, s * y + c * z
+
+    def _noise(self, size):
+        return self._random.gauss(0.0, size)
+
+
+def add(*vectors):
+    return tuple(map(sum, zip(*vectors, strict=True)))
+
+
+def cross(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def frozen(w, _t_s):
+    return w
+
+
+def off(*offset):
+    return lambda v, _t_s: add(v, offset)
+
+
+def scaled(share):
+    return lambda v, _t_s: tuple(share * x for x in v)
+
+
+def skewed(angle):
+    return lambda v, _t_s: (v[0], v[1] - angle * v[2], v[2] + angle * v[1])
+
+
+def late(seconds):
+    return lambda _v, t_s: rate(t_s - seconds)
+
+
+def fly(imus, end_s, suspicions=None, begin_s=0.0, voting=None):
+    """The alarms that begin, with their times: [(s, alarm)]."""
+    voting, told, known = voting or Voting(), [], set()
+    times = sorted(
+        (begin_s + k / imu.hz, number)
+        for number, imu in enumerate(imus)
+        for k in range(round((end_s - begin_s) * imu.hz))
+    )
+    looked_s = begin_s
+    for t_s, number in times:
+        voting.take(number, imus[number].sample(t_s))
+        if t_s - looked_s >= 0.05:
+            looked_s = t_s
+            voting.look((suspicions or {}) if t_s > FAULT_S + 0.5 else {}, NOBODY)
+            for alarm in voting.alarms():
+                if (alarm.kind, alarm.sensor) not in known:
+                    known.add((alarm.kind, alarm.sensor))
+                    told.append((t_s, alarm))
+    return told, voting
+
+
+GYRO_FAULTS = {
+    "zero": (off(3.0 * DEG, 0.0, 0.0), Kind.GYRO_BIAS_STEP),
+    "scale": (scaled(1.06), Kind.GYRO_SCALE),
+    # In the second that it takes, these look like a wrong zero.
+    "misalignment": (skewed(0.1), Kind.GYRO_BIAS_STEP),
+    "delay": (late(0.1), Kind.GYRO_BIAS_STEP),
+    "frozen": (frozen, Kind.GYRO_FROZEN),
+}
+
+
+@pytest.mark.parametrize("fault", GYRO_FAULTS)
+def test_of_three_gyros_the_one_that_fails_is_named_and_no_other(fault):
+    does, kind = GYRO_FAULTS[fault]
+    imus = [Imu(1), Imu(2, gyro_fault=does), Imu(3)]
+    told, voting = fly(imus, FAULT_S + 10.0)
+    assert [(alarm.kind, alarm.sensor.numbers) for _, alarm in told] == [(kind, (2,))]
+    assert FAULT_S < told[0][0] < FAULT_S + 2.0
+    assert voting.verdict(1).wrong == {InertialSensor.GYRO}
+    assert voting.verdict(0).agreed == set(InertialSensor)
+
+
+@pytest.mark.parametrize("size", [1.0, 3.0])
+def test_of_three_accelerometers_the_one_that_fails_is_named(size):
+    told, _ = fly([Imu(1, force_fault=off(size, 0.0, 0.0)), Imu(2), Imu(3)], FAULT_S + 10.0)
+    ((t_s, alarm),) = told
+    assert t_s < FAULT_S + 2.0
+    assert (alarm.kind, alarm.sensor.numbers) == (Kind.ACCELEROMETER_BIAS_STEP, (1,))
+    assert alarm.size == pytest.approx(size, rel=0.1)
+
+
+SOUND = {
+    "biases": Imu(3, bias=(0.02, -0.04, 0.03)),
+    "a drift": Imu(3, drift=0.5 * DEG / 60.0),
+    "mounting": Imu(3, turned=3.0 * DEG),
+    "scale": Imu(3, scale=1.02),
+    "delay": Imu(3, late_s=0.01),
+    "rate": Imu(3, hz=40.0),
+    "lever": Imu(3, lever_m=0.1),
+    "vibration": Imu(3, shaken_m_s2=25.0),
+}
+
+
+@pytest.mark.parametrize("what", SOUND)
+def test_what_sound_sensors_differ_by_accuses_nobody(what):
+    told, _ = fly([Imu(1), Imu(2), SOUND[what]], 120.0)
+    assert told == []
+
+
+def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
+    told, voting = fly([Imu(1, gyro_fault=off(0.0, 0.0, 5.0 * DEG)), Imu(2)], FAULT_S + 6.0)
+    ((_, alarm),) = told
+    assert (alarm.kind, alarm.sensor.number, alarm.sensor.others) == (Kind.GYRO_APART, None, (1, 2))
+    assert not alarm.is_decided
+    assert voting.verdict(0).open_rad > 10.0 * DEG
+    assert voting.verdict(0).wrong == voting.verdict(1).wrong == NOBODY
+
+
+@pytest.mark.parametrize(
+    ("faults", "suspicions", "kind", "number"),
+    [
+        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(turn=2.0), Kind.GYRO_BIAS_STEP, 1),
+        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(velocity=2.0), Kind.GYRO_BIAS_STEP, 1),
+        ({"force_fault": off(3.0, 0.0, 0.0)}, Suspicion(2.0), Kind.ACCELEROMETER_BIAS_STEP, 1),
+    ],
+)
+def test_of_two_the_one_whose_attitude_is_contradicted_is_named(faults, suspicions, kind, number):
+    told, _ = fly(
+        [Imu(1, **faults), Imu(2)], FAULT_S + 6.0, {0: suspicions, 1: Suspicion(0.1, 0.1)}
+    )
+    ((t_s, alarm),) = told
+    assert t_s < FAULT_S + 2.0
+    assert (alarm.kind, alarm.sensor.numbers) == (kind, (number,))
+
+
+def test_a_gyro_and_the_other_imus_accelerometer_fail_at_once():
+    imus = [Imu(1, gyro_fault=off(0.0, 0.0, 0.1)), Imu(2, force_fault=off(3.0, 0.0, 0.0))]
+    both = {0: Suspicion(velocity=2.0, turn=2.0), 1: Suspicion(velocity=3.0, turn=0.1)}
+    told, _ = fly(imus, FAULT_S + 6.0, both)
+    assert {(alarm.kind, alarm.sensor.numbers) for _, alarm in told} == {
+        (Kind.GYRO_BIAS_STEP, (1,)),
+        (Kind.ACCELEROMETER_BIAS_STEP, (2,)),
+    }
+
+
+def test_a_zero_that_stays_is_learnt_and_the_gyro_heard_again():
+    imus = [Imu(1, gyro_fault=off(0.05, 0.0, 0.0)), Imu(2), Imu(3)]
+    end_s = FAULT_S + 1e-6 * HEARING_US
+    _, voting = fly(imus, end_s)
+    assert voting.verdict(0).wrong == {InertialSensor.GYRO}
+    moved = {}
+    for t_s in range(60):
+        for tick in range(100):
+            for number, imu in enumerate(imus):
+                voting.take(number, imu.sample(end_s + t_s + 0.01 * tick))
+        moved |= voting.look({}, NOBODY)
+    assert voting.verdict(0).wrong == NOBODY
+    assert moved[0] == pytest.approx((0.05, 0.0, 0.0), abs=0.02)
+
+
+def test_a_sensor_known_to_be_faulty_has_no_vote():
+    imus = [Imu(1, gyro_fault=off(0.1, 0.0, 0.0)), Imu(2), Imu(3)]
+    voting = Voting()
+    for t_ms in range(0, 50_000, 10):
+        for number, imu in enumerate(imus):
+            voting.take(number, imu.sample(1e-3 * t_ms))
+        voting.look({}, {(InertialSensor.GYRO, 0)})
+    assert voting.alarms() == []
+
+
+def test_samples_of_other_times_are_not_compared():
+    voting, one, other = Voting(), Imu(1), Imu(2)
+    for t_ms in range(0, 5_000, 10):
+        voting.take(0, one.sample(1e-3 * t_ms))
+        voting.take(1, other.sample(1e-3 * t_ms)._replace(t_us=1000 * t_ms + 10**9))
+    assert voting.verdict(0) == voting.verdict(1)
+    assert voting.verdict(0).agreed == NOBODY
+
+
+def field_of(heading):
+    return (20.0 * math.cos(heading), -20.0 * math.sin(heading), 45.0)
+
+
+def test_a_compass_that_repeats_itself_while_two_others_turn_is_frozen():
+    votes, found = FieldVoting(), None
+    for tick in range(100):
+        heading = 0.0 if tick < 50 else 0.04 * (tick - 50)
+        fields = {0: field_of(0.0), 1: field_of(heading), 2: field_of(heading + 0.1)}
+        votes.look(100_000 * tick, fields)
+        if votes.frozen and found is None:
+            found = heading
+    assert votes.frozen == {0}
+    assert found < 0.2
+    votes.look(10_100_000, {0: field_of(0.3), 1: field_of(2.0), 2: field_of(2.1)})
+    assert votes.frozen == NOBODY
+
+
+def test_compasses_that_stand_still_together_or_change_differently_are_not_frozen():
+    votes = FieldVoting()
+    for tick in range(50):
+        fields = {0: field_of(0.0), 1: field_of(0.05 * tick), 2: field_of(-0.05 * tick)}
+        votes.look(100_000 * tick, fields)
+        assert votes.frozen == NOBODY

@@ -1,0 +1,49 @@
+"""HIGHRES_IMU is left for RAW_IMU once it shows another IMU."""
+
+import random
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from h2nav.service.imu_choice import LaneMessages
+from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID
+from h2nav.service.intake import Incoming, Intake, Need
+from h2nav.wire.imu import ImuReading
+
+
+def messages_in_use(highres_shows_another_from, ticks=600):
+    """The message in use after each tick of 10 ms."""
+    one = Intake(
+        LaneMessages(0, (ANYONES_ID, FIRST_ID)), mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, lends=True
+    )
+    numbers, used, identified = random.Random(1), [], 0
+    for tick in range(ticks):
+        mine, others = ([numbers.gauss(0.0, 0.05) for _ in range(6)] for _ in range(2))
+        shown = others if tick >= highres_shows_another_from else mine
+        t_ns, time = tick * 10_000_000, 1_000_000 + 10_000 * tick
+        for message_id, values in ((FIRST_ID, mine), (ANYONES_ID, shown)):
+            need = one.need(t_ns, message_id)
+            identified += need is Need.IDENTITY
+            if need is not Need.NONE:
+                x, y, z, a, b, c = values
+                reading = ImuReading(time, (x, y, z), (a, b, c - 9.8), None, clipped=False)
+                one.take(Incoming(t_ns, message_id, reading), need)
+        used.append(one.message.message_id)
+    return used, identified
+
+
+def test_while_both_show_the_same_the_finer_one_stays_at_ten_looks_a_second():
+    used, identified = messages_in_use(10_000)
+    assert set(used[1:]) == {ANYONES_ID}
+    assert 40 <= identified <= 60
+
+
+def test_it_is_left_within_half_a_second_of_showing_another_gyro():
+    used, _ = messages_in_use(300)
+    assert used[299] == ANYONES_ID
+    assert used[350] == FIRST_ID
+    assert set(used[350:]) == {FIRST_ID}
+
+
+def test_messages_that_never_agreed_prove_nothing():
+    used, _ = messages_in_use(0)
+    assert set(used[1:]) == {ANYONES_ID}
