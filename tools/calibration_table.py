@@ -3,10 +3,12 @@
     python tools/calibration_table.py told DIR
     python tools/calibration_table.py halves FLIGHT...
     python tools/calibration_table.py sound FLIGHT...
+    python tools/calibration_table.py repeated COUNT
 
 DIR holds recordings of simulators with offsets set. A half: offsets are fitted to the first half of
 a flight; residual and heading are those of the second half, against the simulator's truth if there
-is one, else against the attitude without a compass.
+is one, else against the attitude without a compass. Repeated: so many simulated vehicles with wrong
+calibrations are flown, calibrated, flown again and calibrated again.
 """
 
 import math
@@ -94,6 +96,30 @@ def sound(path: Path) -> None:
         )
 
 
+def repeated(count: int) -> None:
+    """What the second calibration writes, and how far the first one is off."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    from tests.unit.calibration.repeated_flights import twice, written_again
+
+    again, late, off_mg = 0, 0, []
+    for seed in range(count):
+        vehicle, first, second = twice(seed)
+        wrong = written_again(first, second)
+        again += bool(wrong)
+        late += len(second.changes) > len(wrong)
+        new = {change.name: change.new for change in first.changes}
+        found = np.array([new.get(f"COMPASS_OFS_{axis}", 0.0) for axis in "XYZ"])
+        off_mg.append(float(np.linalg.norm(found - MG_PER_UT * vehicle.iron.offset_ut)))
+        for change in second.changes:
+            print(f"seed {seed}: {change.name} {change.old:.4g} -> {change.new:.4g}", flush=True)
+    middle, most = np.quantile(off_mg, (0.5, 0.95))
+    print(
+        f"{again} of {count} second flights change what the first one showed, {late} show a sensor "
+        f"that the first did not; the first compass offset is off by {middle:.1f} mG in the "
+        f"middle, {most:.1f} mG at the 95th percentile"
+    )
+
+
 def _scored(flight: Evidence, rows: FieldRows, correction: FieldCorrection) -> str:
     """Rms of the residual and of the heading that the compass shows."""
     truth, earth_n = flight.context.truth, earth_at(flight.flight.earth, rows.t_s)
@@ -115,6 +141,8 @@ def _scored(flight: Evidence, rows: FieldRows, correction: FieldCorrection) -> s
 if __name__ == "__main__":
     if sys.argv[1] == "told":
         told(Path(sys.argv[2]))
+    elif sys.argv[1] == "repeated":
+        repeated(int(sys.argv[2]))
     else:
         for name in sys.argv[2:]:
             {"halves": halves, "sound": sound}[sys.argv[1]](Path(name))

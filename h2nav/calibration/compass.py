@@ -1,7 +1,8 @@
 """Calibrates a compass: offset, matrix, motors, rotation; and whether the flights show them.
 
-A model with more parameters is used only if they are significant, large enough to matter, and fit
-better the data that they were not fitted to: every second block of 20 s.
+A model with more parameters is used only if the data demand it: its parameters are significant,
+also by the information criterion, and explain a relevant part of data that they were not fitted
+to, every second block of 20 s. What a flight does not show stays as it is.
 """
 
 import math
@@ -18,6 +19,8 @@ from h2nav.calibration.field_fit import (
     MOTOR,
     NONE,
     OFFSET,
+    SCALE,
+    SOFT,
     FieldCorrection,
     FieldFit,
     FieldRows,
@@ -56,8 +59,14 @@ WIDEST_GAP_DEG = 180.0
 # A working compass follows the turns: this share of the change of the earth's field in the body.
 MOVES_UT, FOLLOWS = 5.0, 0.3
 # Significant: this many deviations, all parameters of a kind together; relevant: this share of the
-# earth's field, 10 mG or one degree of heading; better: this much smaller residuals elsewhere.
-SURE, RELEVANT, BETTER = 5.0, 0.02, 0.95
+# earth's field, 10 mG or one degree of heading; better: this much smaller residuals elsewhere, by
+# more than what half a degree of tilt does.
+SURE, RELEVANT, BETTER, EXPLAINS = 5.0, 0.02, 0.95, 0.01
+# A flight shows scale or soft iron of an axis if it leaves less than this share of the prior
+# deviation.
+LEARNT = 0.9
+# An axis of an offset is written beside significant ones if it has so many deviations.
+AXIS_SURE = 3.0
 # A calibration leaves 7 % and 3 deg (integrity.field_windows); rows with more do not fit, and with
 # too many of them, or if most leave twice as much, there is no calibration.
 LEFT, ROW_LEFT, UNFIT = 0.15, 0.10, 0.4
@@ -173,7 +182,7 @@ def _spread(values: Array) -> float:
 def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
     rows, settings = subject.rows, subject.settings
     norm = float(np.median(np.linalg.norm(rows.earth_ut, axis=1)))
-    before = _with_heading(rows, settings.correction, settings.lever)
+    before = _with_heading(rows, settings.correction, settings.lever, strays=False)
     original, rotation = rows, _rotation(subject, norm)
     notes: list[str] = []
     if rotation is not None:
@@ -198,14 +207,19 @@ def _fitted(subject: Subject, model: Model) -> FieldFit:
     return _fit_of(subject.rows, subject.settings, model)
 
 
-def _fit_of(rows: FieldRows, settings: CompassSettings, model: Model) -> FieldFit:
+def _fit_of(
+    rows: FieldRows, settings: CompassSettings, model: Model, free: Mask | None = None
+) -> FieldFit:
     lever = model.lever if model.lever is not Lever.NONE else settings.lever
-    return fitted(rows, settings.correction, model.free, lever_of(rows, lever))
+    free = model.free if free is None else free
+    return fitted(rows, settings.correction, free, lever_of(rows, lever))
 
 
-def _with_heading(rows: FieldRows, own: FieldCorrection, lever: Lever) -> FieldFit:
+def _with_heading(
+    rows: FieldRows, own: FieldCorrection, lever: Lever, *, strays: bool = True
+) -> FieldFit:
     """A correction unchanged, with the heading error that fits it best."""
-    return fitted(rows, own, np.zeros(COUNT, dtype=bool), lever_of(rows, lever))
+    return fitted(rows, own, np.zeros(COUNT, dtype=bool), lever_of(rows, lever), strays=strays)
 
 
 def _typical_ut(fit: FieldFit) -> float:
@@ -232,7 +246,9 @@ def _chosen(subject: Subject, levers: tuple[Lever, ...], norm: float) -> Model:
             (
                 (unseen, model)
                 for unseen, model in ranked
-                if unseen < BETTER * left and _matters(subject, best, model, norm)
+                if unseen < BETTER * left
+                and left**2 - unseen**2 > (EXPLAINS * norm) ** 2
+                and _matters(subject, best, model, norm)
             ),
             None,
         )
@@ -274,15 +290,23 @@ def _matters(subject: Subject, simpler: Model, model: Model, norm: float) -> boo
     change = fit.correction.values - subject.settings.correction.values
     if model.has_matrix and not simpler.has_matrix:
         size = float(np.abs(change[MATRIX]).max())
-        return size > RELEVANT and _is_sure(change, fit.covariance, MATRIX)
+        return size > RELEVANT and _is_demanded(change, fit, MATRIX)
     lever = lever_of(subject.rows, model.lever)
     size = float(np.linalg.norm(change[MOTOR])) * float(np.ptp(np.quantile(lever, (0.05, 0.95))))
-    return size > RELEVANT * norm and _is_sure(change, fit.covariance, MOTOR)
+    return size > RELEVANT * norm and _is_demanded(change, fit, MOTOR)
 
 
-def _is_sure(change: Array, covariance: Array, part: slice) -> bool:
-    value = change[part]
-    return float(value @ np.linalg.solve(covariance[part, part], value)) > SURE**2
+def _is_sure(change: Array, covariance: Array, part: slice, sure: float = SURE) -> bool:
+    places = np.arange(COUNT)[part]
+    places = places[np.diag(covariance)[places] > 0.0]  # what was fitted
+    value = change[places]
+    return float(value @ np.linalg.solve(covariance[np.ix_(places, places)], value)) > sure**2
+
+
+def _is_demanded(change: Array, fit: FieldFit, part: slice) -> bool:
+    """Whether parameters are worth their number, by the Bayesian information criterion, too."""
+    price = math.sqrt(len(change[part]) * math.log(len(fit.weight)))
+    return _is_sure(change, fit.covariance, part, max(SURE, price))
 
 
 # --- rotation ---------------------------------------------------------------------------------
@@ -398,30 +422,69 @@ def _with_changes(subject: Subject, model: Model, fit: FieldFit, outcome: Outcom
         outcome: known so far: figures, and a rotation.
     """
     old = subject.settings
+    norm = outcome.figures["field_mg"] / MG_PER_UT
+    covariance = _with_shape(subject, model, fit)
+    if not outcome.notes and subject.parameters:
+        change = fit.correction.values - old.correction.values
+        hidden = model.free & ~_shown(model, change, covariance, norm)
+        fit = _fit_of(subject.rows, old, model, model.free & ~hidden)
+        outcome = outcome._replace(left=_hidden(hidden, covariance))
+        covariance[hidden, :] = covariance[:, hidden] = 0.0
     change = fit.correction.values - old.correction.values
     size = float(np.linalg.norm(change[OFFSET]))
-    covariance = _with_shape(subject, model, fit)
-    is_better = size > RELEVANT * outcome.figures["field_mg"] / MG_PER_UT
-    is_better &= _is_sure(change, covariance, OFFSET)
+    is_better = size > RELEVANT * norm and _is_sure(change, covariance, OFFSET)
     if model == Model() and not outcome.notes and not is_better:
-        return outcome._replace(left=(f"no change: {size * MG_PER_UT:.0f} mG are insignificant",))
+        why = f"no change: {size * MG_PER_UT:.0f} mG are insignificant"
+        return outcome._replace(left=(why, *outcome.left))
     if not subject.parameters:
-        x, y, z = change[OFFSET] * MG_PER_UT
-        a, b, c = np.sqrt(np.diag(covariance))[OFFSET] * MG_PER_UT
-        note = (
-            f"add ({x:+.0f} ± {a:.0f}, {y:+.0f} ± {b:.0f}, {z:+.0f} ± {c:.0f}) mG to its offset; "
-            "the parameters in use are not in the recording (--parameters)"
-        )
-        added = {"add_x_mg": float(x), "add_y_mg": float(y), "add_z_mg": float(z)}
-        return outcome._replace(notes=(*outcome.notes, note), figures={**outcome.figures, **added})
+        return _to_add(change, covariance, outcome)
     new = old._replace(correction=fit.correction, lever=model.lever or old.lever)
     return outcome._replace(changes=_changes(subject, new, covariance))
+
+
+def _shown(model: Model, change: Array, covariance: Array, norm: float) -> Mask:
+    """(12,) what the flight shows; offsets always with a matrix, which would make up for them."""
+    sigma = np.sqrt(np.diag(covariance))
+    known = np.full(COUNT, math.inf)
+    if model.has_matrix:
+        known[MATRIX] = LEARNT * np.repeat((SCALE, SOFT), 3)
+    else:
+        known[OFFSET] = RELEVANT * norm
+    shown: Mask = (sigma < known) | (np.abs(change) > AXIS_SURE * sigma)
+    return shown
+
+
+def _hidden(hidden: Mask, covariance: Array) -> tuple[str, ...]:
+    """What stays as it is, and how well it is known."""
+    sigma = np.sqrt(np.diag(covariance))
+    kinds = (
+        ("offset", OFFSET, MG_PER_UT, "mG", ("x", "y", "z")),
+        ("scale and soft iron", MATRIX, 100.0, "%", ("x", "y", "z", "xy", "xz", "yz")),
+    )
+    return tuple(
+        f"{what} of {', '.join(names[i] for i in places)}: known to ± "
+        f"{sigma[part][places].max() * unit:.2g} {called} from this flight"
+        for what, part, unit, called, names in kinds
+        if len(places := np.flatnonzero(hidden[part]))
+    )
+
+
+def _to_add(change: Array, covariance: Array, outcome: Outcome) -> Outcome:
+    """The offset in words, where the parameters in use are unknown."""
+    x, y, z = change[OFFSET] * MG_PER_UT
+    a, b, c = np.sqrt(np.diag(covariance))[OFFSET] * MG_PER_UT
+    note = (
+        f"add ({x:+.0f} ± {a:.0f}, {y:+.0f} ± {b:.0f}, {z:+.0f} ± {c:.0f}) mG to its offset; "
+        "the parameters in use are not in the recording (--parameters)"
+    )
+    added = {"add_x_mg": float(x), "add_y_mg": float(y), "add_z_mg": float(z)}
+    return outcome._replace(notes=(*outcome.notes, note), figures={**outcome.figures, **added})
 
 
 def _with_shape(subject: Subject, model: Model, fit: FieldFit) -> Array:
     """The covariance including the effect of an unfitted matrix on the offset."""
     if model.has_matrix:
-        return fit.covariance
+        return fit.covariance.copy()
     wider = _fitted(subject, model._replace(has_matrix=True)).covariance.copy()
     wider[MATRIX, :] = wider[:, MATRIX] = 0.0
     return wider
@@ -441,13 +504,15 @@ def _changes(
         near = subject.values(new._replace(correction=correction(moved)), own)
         for name, value in near.items():
             slopes[name][place] = (value - values[name]) / 1e-4
+    # Firmwares take a diagonal of zeros for ones: a matrix is written as a whole.
+    is_shaped = not np.array_equal(new.correction.matrix, subject.settings.correction.matrix)
     changes = []
     for name, value in values.items():
         J = slopes[name]
         sigma = math.sqrt(max(float(J @ covariance @ J), 0.0))
         old = own[name]
         if abs(value - unchanged[name]) > 1e-6 * max(1.0, abs(value)) or (
-            abs(value - old) > 1e-6 and not J.any()
+            abs(value - old) > 1e-6 and (is_shaped or not J.any())
         ):
-            changes.append(ParameterChange(name, old, value, sigma if J.any() else math.nan))
+            changes.append(ParameterChange(name, old, value, sigma or math.nan))
     return tuple(changes)

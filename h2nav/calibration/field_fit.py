@@ -5,7 +5,9 @@ an offset o, a symmetric matrix S (scale and soft iron), and a field k of the mo
 (throttle or current). The attitude comes from gyro, gravity and the receiver's velocity alone; its
 heading may have a slowly changing error, which is fitted as well: an Ornstein-Uhlenbeck process as
 wide as the attitude's own deviation, no faster than a gyro drifts. The field may be delayed, and so
-may its messages.
+may its messages; the earth's field may differ from its model, and the attitude may lean in the
+axes of the board, as an accelerometer's offset makes it. These are fitted within their deviations,
+so that the deviation of an offset contains them.
 
 Least squares with prior deviations that are those of sensors and vehicles. Everything is in
 microtesla.
@@ -24,6 +26,7 @@ from h2nav.calibration.regression import (
     STARTS,
     Array,
     Wander,
+    block_diagonal,
     longer,
     noise_of,
     normal,
@@ -43,6 +46,13 @@ OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0
 # Delay of a field, for compasses read 10 to 100 times a second and smoothed.
 LATE_S = 0.03
 LEAST_SIGMA_RAD = math.radians(0.3)
+# Of the World Magnetic Model 2025, level and down: the model, the crust, the ionosphere.
+EARTH_UT = 0.15
+# An accelerometer's offset of 5 mg.
+LEAN_RAD = math.radians(0.3)
+# What strays beside a wandering heading: delay, lean about the board's x and y, earth's field.
+STRAY_SIGMAS = np.array((LATE_S, LEAN_RAD, LEAN_RAD, EARTH_UT, EARTH_UT))
+EARTH, ALL_BUT_DELAY = slice(-2, None), slice(-4, None)
 # The noise of the best compass, and of the vertical: 0.1 uT; 0.2 deg of 45 uT.
 LEAST_NOISE_UT = 0.2
 # One direction of the field in the body counts at most for this long.
@@ -118,7 +128,9 @@ def weighted_rms(residual_ut: Array, weight: Array) -> float:
     return math.sqrt(float(weight @ (residual_ut**2).sum(axis=1)) / max(float(weight.sum()), 1e-9))
 
 
-def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) -> FieldFit:
+def fitted(
+    rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array, *, strays: bool = True
+) -> FieldFit:
     """Fits the free ones of offset, matrix and motors; the others stay as in the prior.
 
     Args:
@@ -126,6 +138,7 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
         prior: initial values and centre of the prior.
         free: (12,) which of its values are fitted.
         lever: (N,) of the motors; 0 without.
+        strays: whether earth's field and lean are fitted, too.
     """
     heading = Wander.of(rows.flight, rows.t_s, rows.sigma_rad, LEAST_SIGMA_RAD)
     scale = max(float(np.abs(lever).max(initial=0.0)), 1e-9)
@@ -133,12 +146,16 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
         (np.full(3, OFFSET_UT), np.full(3, SCALE), np.full(3, SOFT), np.full(3, MOTOR_UT / scale))
     )
     places = np.flatnonzero(free)
-    information = np.zeros((len(places) + heading.knots + 1,) * 2)
-    information[: len(places), : len(places)] = np.diag(sigma[places] ** -2)
-    information[len(places) : -1, len(places) : -1] = heading.information
-    information[-1, -1] = LATE_S**-2
-    # The heading error at its knots, and the delay of the field.
-    x, knots = prior.values.copy(), np.zeros(heading.knots + 1)
+    information = block_diagonal(
+        [np.diag(sigma[places] ** -2), heading.information, np.diag(STRAY_SIGMAS**-2)]
+    )
+    # The heading error at its knots, and the strays.
+    x, knots = prior.values.copy(), np.zeros(heading.knots + len(STRAY_SIGMAS))
+    active = np.ones(len(information), dtype=bool)
+    # A matrix and an earth's field that shrink together would reduce any noise.
+    active[EARTH] = not free[MATRIX].any()
+    if not strays:
+        active[ALL_BUT_DELAY] = False
     balance = _balanced(rows.earth_ut)
     noise_ut = math.inf
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
@@ -149,7 +166,10 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
         A, g = normal(J, (balance * fits / noise_ut**2)[:, None, None], r)
         A += information
         before = np.concatenate((x[places] - prior.values[places], knots))
-        step = -np.linalg.solve(A, g + information @ before)
+        step = np.zeros(len(A))
+        step[active] = -np.linalg.solve(
+            A[np.ix_(active, active)], (g + information @ before)[active]
+        )
         x[places] += step[: len(places)]
         knots += step[len(places) :]
         if start == 1.0 and np.abs(step).max(initial=0.0) < SETTLED:
@@ -157,13 +177,27 @@ def fitted(rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array) ->
     r, _ = _linear(rows, x, heading, knots, lever, places)
     inflated = longer(rows.flight, rows.t_s, r, balance * fits, len(places))
     covariance = np.zeros((COUNT, COUNT))
-    own = np.linalg.inv((A - information) / inflated + information)
+    own = _covariance(A, information, active, inflated)
     covariance[np.ix_(places, places)] = own[: len(places), : len(places)]
     before = np.concatenate((x[places] - prior.values[places], knots))
     cost = float((balance * fits) @ (r**2).sum(axis=1)) / noise_ut**2
     cost += float(before @ information @ before)
-    angle = heading.hats @ knots[:-1]
+    angle = heading.hats @ knots[: heading.knots]
     return FieldFit(correction(x), covariance, angle, fits, r, cost)
+
+
+def _covariance(A: Array, information: Array, active: Mask, inflated: float) -> Array:
+    """Of the active values; what is not active was held and is as uncertain as its prior.
+
+    Args:
+        A: information of rows and prior.
+        inflated: factor on the variance of the rows.
+    """
+    both, held = np.ix_(active, active), np.ix_(active, ~active)
+    own = np.linalg.inv(((A - information) / inflated + information)[both])
+    slope = np.linalg.solve(A[both], A[held])
+    own += slope / np.diag(information)[~active] @ slope.T
+    return own
 
 
 def headed(rows: FieldRows, angle_rad: Array) -> Array:
@@ -183,12 +217,12 @@ def _linear(
     lever: Array,
     places: NDArray[np.intp],
 ) -> tuple[Array, Array]:
-    """(N, 3) residuals and their (N, 3, P + K) derivatives."""
+    """(N, 3) residuals and their (N, 3, P + K + 5) derivatives."""
     now = correction(x)
-    angle = heading.hats @ knots[:-1]
-    expected = headed(rows, angle) - knots[-1] * rows.slope_ut
+    model = headed(rows, heading.hats @ knots[: heading.knots])
+    strays = _strays(rows, model)
     v = rows.raw_ut + now.offset_ut
-    r = now.corrected(rows.raw_ut, lever) - expected
+    r = now.corrected(rows.raw_ut, lever) - model + strays @ knots[heading.knots :]
     J = np.zeros((len(v), 3, COUNT))
     J[:, :, OFFSET] = now.matrix
     for place, (i, j) in enumerate(zip(_ROW, _COLUMN, strict=True), start=MATRIX.start):
@@ -196,9 +230,17 @@ def _linear(
         if i != j:
             J[:, j, place] += v[:, i]
     J[:, :, MOTOR] = lever[:, None, None] * np.eye(3)
-    across = np.cross(rows.down, expected)
+    across = np.cross(rows.down, model)
     turned = across[:, :, None] * heading.hats[:, None, :]
-    return r, np.concatenate((J[:, :, places], turned, rows.slope_ut[:, :, None]), axis=2)
+    return r, np.concatenate((J[:, :, places], turned, strays), axis=2)
+
+
+def _strays(rows: FieldRows, model: Array) -> Array:
+    """(N, 3, 5) residual by delay, by the lean, and by the earth's field level and down."""
+    level = model - (model * rows.down).sum(axis=1)[:, None] * rows.down
+    level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+    leans = (np.cross(axis, model) for axis in np.eye(3)[:2])
+    return np.stack((rows.slope_ut, *leans, -level, -rows.down), axis=2)
 
 
 def _balanced(earth_ut: Array) -> Array:

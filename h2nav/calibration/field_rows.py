@@ -3,7 +3,7 @@
 import numpy as np
 
 from h2nav.calibration import rotations
-from h2nav.calibration.evidence import Evidence, series_at
+from h2nav.calibration.evidence import ARDUPILOT, Evidence, series_at
 from h2nav.calibration.field_fit import FieldRows
 from h2nav.calibration.regression import Array
 from h2nav.calibration.settings import CompassSettings, Lever
@@ -11,6 +11,7 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.context import CompassTrack
 from h2nav.reviews.flight import EarthFields
 from h2nav.reviews.inertial import Mask, conjugate, means, rotate, thinned
+from h2nav.wire.imu import UT_PER_MGAUSS
 
 ROW_S = 0.2
 MOST_ROWS = 1500
@@ -49,7 +50,7 @@ def field_rows(
         return None
     at_s, q = at_s[places], q[places]
     back = conjugate(q)
-    earth_n = earth_at(evidence.flight.earth, at_s)
+    earth_n = _earth_of(evidence, at_s)
     before, after = (
         rotate(conjugate(attitude.at(at_s + step)), earth_n) for step in (-SLOPE_S, SLOPE_S)
     )
@@ -77,6 +78,28 @@ def earth_at(earth: EarthFields, t_s: Array) -> Array:
     return np.stack(
         (level * np.cos(declination), level * np.sin(declination), norm * np.sin(dip)), axis=1
     )
+
+
+def _earth_of(evidence: Evidence, t_s: Array) -> Array:
+    """(N, 3) the field that the vehicle flew in, NED, microtesla.
+
+    The world of ArduPilot's simulators has the field of the firmware's own table, with 10 deg
+    between its points: up to some milligauss off the World Magnetic Model.
+    """
+    context = evidence.context
+    fixes = [gps for gps in context.gps if gps.has_fix.any()]
+    if context.truth is None or evidence.autopilot != ARDUPILOT or not fixes:
+        return earth_at(evidence.flight.earth, t_s)
+    from pymavlink.mavextra import expected_earth_field_lat_lon
+
+    fix = fixes[0]
+    latitude, longitude = (
+        float(np.median(each[fix.has_fix])) for each in (fix.latitude_deg, fix.longitude_deg)
+    )
+    if not (abs(latitude) < 90.0 and abs(longitude) < 180.0):
+        return earth_at(evidence.flight.earth, t_s)
+    field = expected_earth_field_lat_lon(latitude, longitude)
+    return np.tile(UT_PER_MGAUSS * np.array((field.x, field.y, field.z)), (len(t_s), 1))
 
 
 def lever_of(rows: FieldRows, lever: Lever) -> Array:

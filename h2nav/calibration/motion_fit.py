@@ -80,7 +80,8 @@ def fitted(rows: MotionRows, free: Mask) -> MotionFit:
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
         r = y - J @ x
         length = np.linalg.norm(r, axis=1)
-        noise[moves] = max(noise_of(length[moves], np.ones(moves.sum())), LEAST_NOISE_M_S)
+        if moves.any():  # not in a part of a flight at rest
+            noise[moves] = max(noise_of(length[moves], np.ones(moves.sum())), LEAST_NOISE_M_S)
         weight = robust(length, noise, start)
         A, g = normal(J, (weight / noise**2)[:, None, None], y)
         before, x = x, np.linalg.solve(A + prior, g)

@@ -83,8 +83,7 @@ def ardupilot_values(settings: CompassSettings, own: Parameters) -> dict[str, fl
     """Its parameters, as far as the firmware has them."""
     number = _number(settings.slot)
     offset, S, motor = settings.correction
-    has_scale = "COMPASS_SCALE" + number in own
-    scale = float(np.trace(S)) / 3.0 if has_scale else 1.0
+    scale = _ardupilot_scale(S, own, number)
     D = S / scale
     values = {
         **_named(f"COMPASS_OFS{number}_%s", offset / UT_PER_MGAUSS),
@@ -96,6 +95,20 @@ def ardupilot_values(settings: CompassSettings, own: Parameters) -> dict[str, fl
         "COMPASS_ORIENT" + number: float(settings.rotation or 0),
     }
     return {name: value for name, value in values.items() if name in own}
+
+
+def _ardupilot_scale(S: Array, own: Parameters, number: str) -> float:
+    """The mean of a new diagonal; the scale in use where an element of the old one stays."""
+    if "COMPASS_SCALE" + number not in own:
+        return 1.0
+    in_use = own["COMPASS_SCALE" + number]
+    low, high = ARDUPILOT_SCALES
+    in_use = in_use if low <= in_use <= high else 1.0
+    diagonal = _three(own, f"COMPASS_DIA{number}_%s")
+    if diagonal is None or not diagonal.any():
+        diagonal = np.ones(3)
+    stays = np.isclose(np.diag(S), in_use * diagonal, rtol=1e-12, atol=0.0)
+    return in_use if stays.any() else float(np.trace(S)) / 3.0
 
 
 def _ardupilot_slot(own: Parameters, compass: int) -> int:

@@ -1,8 +1,8 @@
-"""Simulated rows: a vehicle that turns, with an attitude that is as wrong as it says."""
+"""Simulated rows: a vehicle that turns; attitude and earth's field are as wrong as they say."""
 
 import numpy as np
 
-from h2nav.calibration.field_fit import FieldCorrection, FieldRows
+from h2nav.calibration.field_fit import EARTH_UT, LEAN_RAD, FieldCorrection, FieldRows
 from h2nav.maths.units import DEG
 
 EARTH_N_UT = np.array([20.5, 1.1, 43.0])
@@ -36,7 +36,11 @@ def flown_rows(
     true_b = np.array(
         [body_axes(*angles) @ EARTH_N_UT for angles in zip(roll, pitch, yaw, strict=True)]
     )
-    believed = list(zip(roll + tilts[0], pitch + tilts[1], yaw + off, strict=True))
+    lean = LEAN_RAD * rng.standard_normal(2)
+    believed = list(
+        zip(roll + tilts[0] + lean[0], pitch + tilts[1] + lean[1], yaw + off, strict=True)
+    )
+    model_n_ut = EARTH_N_UT + EARTH_UT * rng.standard_normal(3)
     # It climbs, cruises and descends.
     throttle = 0.4 + 0.2 * np.sign(np.sin(0.047 * t_s)) + 0.05 * rng.standard_normal(len(t_s))
     raw = correction.undone(true_b, throttle) + NOISE_UT * rng.standard_normal(true_b.shape)
@@ -44,7 +48,7 @@ def flown_rows(
         np.zeros(len(t_s), dtype=np.int64),
         t_s,
         raw,
-        np.array([body_axes(*angles) @ EARTH_N_UT for angles in believed]),
+        np.array([body_axes(*angles) @ model_n_ut for angles in believed]),
         np.gradient(true_b, t_s, axis=0),
         np.array([body_axes(*angles)[:, 2] for angles in believed]),
         yaw + off,

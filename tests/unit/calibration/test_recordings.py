@@ -19,7 +19,7 @@ DEFAULTS = {
     "COMPASS_EXTERNAL": 1.0,
     "COMPASS_ORIENT": 0.0,
 }
-WITHIN_MG = 5.0
+WITHIN_MG = 2.5
 
 
 def evidence(name: str, parameters: dict[str, float]):
