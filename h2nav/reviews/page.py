@@ -177,10 +177,16 @@ def _findings(document: dict[str, Any]) -> str:
     found = [one for one in document["findings"] if not _is_own(one)]
     look = "verdict long" if len(document["verdict"]) > LONG_VERDICT else "verdict"
     return (
-        f'<section id="findings"><p class="{look}">{escape(document["verdict"])}</p>'
+        f'<section id="findings"><p class="{look}">{_verdict(document["verdict"])}</p>'
         f"{_no_estimate(document)}{cards(found)}"
         f"{_looked_at(document, is_open=not any(map(is_wrong, found)))}</section>"
     )
+
+
+def _verdict(text: str) -> str:
+    """The verdict with its first sentence marked."""
+    first, stop, rest = text.partition(". ")
+    return f"<b>{escape(first + stop)}</b>{escape(rest)}"
 
 
 def _is_own(finding: dict[str, Any]) -> bool:
