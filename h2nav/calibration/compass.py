@@ -191,7 +191,9 @@ def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
         notes.append(note)
     model = _chosen(subject, levers, norm)
     fit = _fitted(subject, model)
-    left = _left(fit, norm)
+    # A field that came or went must not be explained by an earth's field and a lean made for it.
+    plain = _fitted(subject, model, strays=False)
+    left = _left(fit, plain, norm)
     figures = _figures(rows, original, before, fit)
     shown = SHOWN_BY.format(**figures)
     outcome = Outcome(subject.name, notes=tuple(notes), shown=shown, figures=figures)
@@ -202,17 +204,22 @@ def _outcome(subject: Subject, levers: tuple[Lever, ...]) -> Outcome:
     )
 
 
-def _fitted(subject: Subject, model: Model) -> FieldFit:
+def _fitted(subject: Subject, model: Model, *, strays: bool = True) -> FieldFit:
     """Fits the model, with the values in use as prior."""
-    return _fit_of(subject.rows, subject.settings, model)
+    return _fit_of(subject.rows, subject.settings, model, strays=strays)
 
 
 def _fit_of(
-    rows: FieldRows, settings: CompassSettings, model: Model, free: Mask | None = None
+    rows: FieldRows,
+    settings: CompassSettings,
+    model: Model,
+    free: Mask | None = None,
+    *,
+    strays: bool = True,
 ) -> FieldFit:
     lever = model.lever if model.lever is not Lever.NONE else settings.lever
     free = model.free if free is None else free
-    return fitted(rows, settings.correction, free, lever_of(rows, lever))
+    return fitted(rows, settings.correction, free, lever_of(rows, lever), strays=strays)
 
 
 def _with_heading(
@@ -361,10 +368,14 @@ def _turned(subject: Subject, rotation: int) -> tuple[FieldRows, CompassSettings
 # --- words ------------------------------------------------------------------------------------
 
 
-def _left(fit: FieldFit, norm: float) -> str:
-    """Why the best fit is no calibration; empty if it is."""
+def _left(fit: FieldFit, plain: FieldFit, norm: float) -> str:
+    """Why the best fit is no calibration; empty if it is.
+
+    Args:
+        plain: the fit of the same model with earth's field and lean as assumed.
+    """
     after = _typical_ut(fit)
-    unfit = float((np.linalg.norm(fit.residual_ut, axis=1) > ROW_LEFT * norm).mean())
+    unfit = float((np.linalg.norm(plain.residual_ut, axis=1) > ROW_LEFT * norm).mean())
     if after > LEFT * norm:
         return (
             f"no calibration explains it: {after * MG_PER_UT:.0f} of {norm * MG_PER_UT:.0f} mG "
