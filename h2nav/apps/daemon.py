@@ -15,7 +15,6 @@ from contextlib import contextmanager
 
 from h2nav.apps.pipeline import Pipeline
 from h2nav.host.host_clock import UnixClock
-from h2nav.host.own_memory import give_back
 from h2nav.host.service_manager import ServiceManager
 from h2nav.integrity.severity import Severity
 from h2nav.links.links import Link
@@ -86,7 +85,6 @@ class Daemon:
     def turns(self, stop: StopSignals, until_ns: int | None = None) -> Iterator[int]:
         """Runs until a stop signal or a monotonic time; yields the time after each turn."""
         sys.setswitchinterval(THREAD_SWITCH_S)
-        give_back()
         gc.freeze()  # loaded objects stay; a full collection over them would take milliseconds
         self._manager.ready()
         while not stop.stopped:

@@ -18,6 +18,7 @@ from h2nav.attitude.native import backend
 from h2nav.errors import BadInput
 from h2nav.files.earth_field import earth_field_at
 from h2nav.host.host_clock import UnixClock
+from h2nav.host.own_memory import give_back
 from h2nav.host.service_manager import ServiceManager
 from h2nav.integrity.severity import Severity
 from h2nav.links.links import open_link
@@ -105,6 +106,7 @@ class Session:
 
     def run(self, stop: StopSignals, seconds: float | None = None) -> None:
         """Runs until a stop signal, or for a time."""
+        give_back()
         daemon = Daemon(self.link, self._pipeline, self._clock, ServiceManager())
         until_ns = None if seconds is None else time.monotonic_ns() + round(seconds * 1e9)
         self._pipeline.note(time.monotonic_ns(), Notice(Severity.NOTICE, self._greeting))
