@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from h2nav.airframes.features import FlightRow
 from h2nav.apps import configuration
 from h2nav.apps.algorithms import NAMES, algorithm
 from h2nav.apps.configuration import Configuration
@@ -41,6 +42,7 @@ class Wishes(NamedTuple):
     vehicle_class: str | None = None  # instead of the heartbeat's
     gps_velocity: bool | None = None  # fuse the GPS velocity
     calibrates: bool = False  # a review also reports what could be calibrated better
+    earlier: tuple[FlightRow, ...] = ()  # of earlier flights, which a review compares it with
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -44,6 +44,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="do not run the filter backward: quicker, and without the more accurate attitude from "
         "past and future samples",
     )
+    parser.add_argument(
+        "--earlier",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="folder with reviews of earlier flights (their JSON documents): what differs from "
+        "those of the same airframe is a finding; may be repeated, and be the folder of -o",
+    )
     playback.add_arguments(parser)
     parser.add_argument(
         "--fail-on",
@@ -131,13 +140,21 @@ def _is_of_another(flight: Path, folder: Path) -> bool:
 
 
 def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> dict[str, Any]:
+    from h2nav.apps.earlier_flights import rows_in
     from h2nav.apps.reviewing import write_review
 
     with byte_bar(path.name) as progress:
-        wished = playback.wishes(args)._replace(calibrates=not args.no_smooth)
+        wished = playback.wishes(args)._replace(
+            calibrates=not args.no_smooth, earlier=rows_in(args.earlier)
+        )
         try:
             return write_review(
-                path, folder, name, wished, smooths=not args.no_smooth, progress=progress
+                path,
+                folder,
+                name,
+                wished,
+                smooths=not args.no_smooth,
+                progress=progress,
             )
         except OSError as error:
             raise TaskFailed(f"{error.filename or folder}: {error.strerror}") from error

@@ -62,6 +62,7 @@ def _reviewed(
 ) -> tuple[Reviewed, "_Heard | None"]:
     """The review, and what a calibration needs."""
     flight, heard = _played(source, wished, progress)
+    flight = flight._replace(earlier=wished.earlier)
     del source  # it may hold half of the memory
     if smooths and heard is not None:
         flight = flight._replace(smoothed=_smoothed(*heard))

@@ -167,6 +167,14 @@ class Esc(NamedTuple):
     temperature_degc: Array  # (N,)
 
 
+class TemperatureTrack(NamedTuple):
+    """The temperature of one IMU."""
+
+    imu: int  # its number, from 0
+    t_s: Array  # (N,) times
+    temperature_degc: Array  # (N,)
+
+
 class Sticks(NamedTuple):
     """The pilot's sticks, as shares of their travel; NaN where unknown."""
 
@@ -265,6 +273,11 @@ class Context(NamedTuple):
     firmware: str = ""  # of the autopilot, such as ``ArduCopter V4.0.4``; empty if unknown
     vehicle: str = ""  # its kind for people, such as ``quadrotor``
     vehicle_type: int = 0  # MAV_TYPE; 0 if unknown
+    # of the autopilot's processor; empty if unknown. Of ArduPilot three words of its id as in its
+    # texts, of PX4 its sys_uuid: the same in its log and in telemetry
+    uid: str = ""
+    board: str = ""  # of the autopilot, such as ``CubeOrange`` or ``PX4_FMU_V5``
+    system_id: int = 0  # of MAVLink; 0 if unknown
     start_unix_s: float | None = None  # date of `t_s` = 0; None if unknown
     duration_s: float = 0.0  # of the recording
     imus: tuple[ImuTrack, ...] = ()  # one per IMU
@@ -298,6 +311,7 @@ class Context(NamedTuple):
     batteries: tuple[Battery, ...] = ()  # one per battery
     board_v: Series | None = None  # supply of the autopilot
     vibrations: tuple[VibrationTrack, ...] = ()  # one per IMU
+    temperatures: tuple[TemperatureTrack, ...] = ()  # one per IMU that tells it
     escs: tuple[Esc, ...] = ()  # one per motor whose controller reports
     compass_rows: tuple[CompassRows, ...] = ()  # statistics of the rows of each compass
     faults: tuple[ReportedFault, ...] = ()  # in order
@@ -313,6 +327,8 @@ class Context(NamedTuple):
     flown_by: tuple[Span, ...] = ()
     # while nothing at all was recorded: the link or the logger was silent, no sensor
     silent: tuple[Span, ...] = ()
+    # share of the autopilot's frames that the link lost, by their numbers; None if not telemetry
+    link_loss_share: float | None = None
     # other quantities of the column tables by name; None if not recorded
     measured: dict[str, Series | None] = {}  # noqa: RUF012 - never changed
     # where quantities come from: name of the field -> message and column

@@ -21,6 +21,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.maths import quaternion
 from h2nav.recordings import dataflash_controls as controls
 from h2nav.recordings import imu_series
+from h2nav.recordings.airframe_identity import ardupilot_board
 from h2nav.recordings.autopilot_log import (
     FIX_3D,
     MOST_BURSTS,
@@ -226,8 +227,12 @@ def recorded(tables: LogTables) -> Recorded:
         gps,
     )
     table["airborne"] = _airborne(log)
+    board, uid = ardupilot_board(one.text for one in said)
     context = Context(
         firmware=firmware,
+        uid=uid,
+        board=board,
+        system_id=int(parameters.get("MAV_SYSID", parameters.get("SYSID_THISMAV", 0.0))),
         start_unix_s=start_unix_s(log),
         imus=imus,
         compasses=tuple(_compass_tracks(log)),

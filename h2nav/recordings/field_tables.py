@@ -22,6 +22,7 @@ from h2nav.recordings.context import (
     OutputBank,
     SensorHealth,
     Sticks,
+    TemperatureTrack,
     VibrationTrack,
 )
 from h2nav.recordings.rotations import are_units, roll_pitch_heading
@@ -32,6 +33,7 @@ MILLI, CENTI = 1e-3, 1e-2
 HIGHEST_M = 50_000.0
 MAX_OUTPUTS, MAX_ESCS = 16, 8
 # Of DISTANCE_SENSOR, distance_sensor and RFND: it looks down.
+HOTTEST_DEGC = 150.0
 LOOKS_DOWN = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 RANGEFINDER_GOOD = 4  # RangeFinder::Status of RFND
 # accelerometer_timestamp_relative without a value in time.
@@ -416,6 +418,8 @@ def _height(kind: str, message: str, height: LogColumn, climb: LogColumn, **othe
 
 NO_CLIMB = column("")
 
+_WARM: Any = {"needs": "temperature_degc"}  # 0 throughout means that it is not measured
+
 RECORDS = (
     Field(
         "batteries",
@@ -484,6 +488,42 @@ RECORDS = (
                 Source(
                     "VIBRATION", {"level": UNKNOWN_AXES, "clipped": column("clipping_2")}, first=2
                 ),
+            ),
+        ),
+    ),
+    Field(
+        "temperatures",
+        "degC",
+        record=TemperatureTrack,
+        dataflash=(
+            Source("IMU", {"temperature_degc": column("T", largest=HOTTEST_DEGC)}, **_WARM),
+            Source("IMU", {"temperature_degc": column("Temp", largest=HOTTEST_DEGC)}, **_WARM),
+        ),
+        ulog=(
+            Source(
+                "vehicle_imu_status",
+                {"temperature_degc": column("temperature_accel", largest=HOTTEST_DEGC)},
+                **_WARM,
+            ),
+            Source(
+                "sensor_accel",
+                {"temperature_degc": column("temperature", largest=HOTTEST_DEGC)},
+                **_WARM,
+            ),
+        ),
+        telemetry=(
+            tuple(
+                Source(
+                    name,
+                    {
+                        "temperature_degc": column(
+                            "temperature", scale=CENTI, largest=HOTTEST_DEGC, may_lack=True
+                        )
+                    },
+                    first=first,
+                    **_WARM,
+                )
+                for first, name in enumerate(("RAW_IMU", "SCALED_IMU2", "SCALED_IMU3"))
             ),
         ),
     ),

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
 from h2nav.recordings import telemetry_controls as controls
+from h2nav.recordings.airframe_identity import ardupilot_board, autopilot_uid
 from h2nav.recordings.autopilot_log import vehicle_name, what_sensors_lack
 from h2nav.recordings.columns import Format, messages_of
 from h2nav.recordings.compass_rows import compass_rows
@@ -29,6 +30,7 @@ from h2nav.recordings.context import (
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
+from h2nav.recordings.lost_frames import LostFrames
 from h2nav.recordings.recording import Recording
 from h2nav.recordings.rotations import quaternions
 from h2nav.recordings.spans import silences, spans
@@ -61,6 +63,7 @@ MESSAGE_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_AHRS2,
         mavlink.MAVLINK_MSG_ID_SIMSTATE,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
         *message_ids(messages_of(Format.TELEMETRY, FIELDS)),
@@ -74,16 +77,23 @@ Tables = Mapping[int, FrameTable]
 
 def read_context(recording: Recording) -> Context:
     """Reads the context of a recording, in a separate pass."""
-    maker, scan = TableMaker(MESSAGE_IDS), FrameScan()
+    maker, scan, lost = TableMaker(MESSAGE_IDS), FrameScan(), LostFrames()
     start_ns: int | None = None
     end_ns = 0
     for arrivals in recording.batches():
-        maker.add(scan.frames_of(arrivals))
+        found = scan.frames_of(arrivals)
+        maker.add(found)
+        lost.add(found)
         if len(arrivals.t_ns):
             start_ns = int(arrivals.t_ns[0]) if start_ns is None else start_ns
             end_ns = int(arrivals.t_ns[-1])
     offset_ns = 0 if recording.times_are_synthetic else recording.unix_offset_ns
-    return context_of(maker.tables(), start_ns or 0, end_ns, offset_ns, dict(recording.notes))
+    tables = maker.tables()
+    context = context_of(tables, start_ns or 0, end_ns, offset_ns, dict(recording.notes))
+    beats = _heartbeats(tables)
+    if beats is None:
+        return context
+    return context._replace(link_loss_share=lost.share(*beats.senders[0].tolist()))
 
 
 def context_of(
@@ -107,7 +117,12 @@ def context_of(
     parameters = _parameters(clock, kind[0])
     start_unix_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else _date(clock)
     rows, gps = TelemetryRows(own, start_ns), _receivers(clock)
+    said = _said(clock)
+    board, uid = ardupilot_board(one.text for one in said)
     context = Context(
+        uid=uid or autopilot_uid(clock[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION], kind[0]),
+        board=board,
+        system_id=0 if beats is None else int(beats.senders[0][0]),
         vehicle=vehicle_name(kind[1]),
         start_unix_s=start_unix_s,
         duration_s=duration_s,
@@ -117,7 +132,7 @@ def context_of(
         gps=gps,
         modes=_modes(clock, kind, duration_s),
         armed=_armed(clock, duration_s),
-        said=_said(clock),
+        said=said,
         parameters=parameters,
         vehicle_type=kind[1],
         compass_rows=_compass_rows(imus, parameters),

@@ -125,6 +125,9 @@ def recorded(file: ULogFile) -> Recorded:
     kind = (mavlink.MAV_AUTOPILOT_PX4, vehicle_type)
     context = Context(
         firmware=_firmware(log),
+        uid=str(log.file.info.get("sys_uuid", "")).lower(),
+        board=str(log.file.info.get("ver_hw", "")),
+        system_id=int(parameters.get("MAV_SYS_ID", 0.0)),
         start_unix_s=start_unix_s(log),
         imus=imus,
         compasses=tuple(_compass_tracks(log)),

@@ -1,7 +1,10 @@
 """Findings that only a whole flight shows, with the data they were derived from."""
 
+import math
 from typing import NamedTuple
 
+from h2nav.airframes.features import FlightRow
+from h2nav.airframes.trend import Departure
 from h2nav.integrity.findings import Finding, Kind
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence
@@ -10,7 +13,8 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact
 from h2nav.reviews.receiver_fit import fits
 from h2nav.reviews.standstill import Rest, bias_at_rest
-from h2nav.reviews.subjects import SUBJECTS, compass, receiver, timing, vibration
+from h2nav.reviews.subjects import SUBJECTS, compass, past, receiver, timing, vibration
+from h2nav.reviews.subjects.features import flight_row
 from h2nav.reviews.tracks import (
     Bias,
     CompassFit,
@@ -42,6 +46,9 @@ class Analysis(NamedTuple):
     # ids of findings in flight that blame autopilot or receiver where h2nav's own attitude is
     # wrong
     misjudged: frozenset[str] = frozenset()
+    # what is remembered of the flight, and what in it left the airframe's own past
+    row: FlightRow = FlightRow("", "", math.nan, {})
+    trends: tuple[Departure, ...] = ()
     looked_at: tuple[str, ...] = ()  # subjects that had what they need
     # the others: name and reason
     blind: tuple[tuple[str, str], ...] = ()
@@ -58,6 +65,8 @@ def analyse(flight: Flight) -> Analysis:
         spectra=evidence.of(vibration.spectra)[0],
         vibrations=evidence.of(vibration.levels)[0],
         timings=tuple(timing_ for timing_, _ in evidence.of(timing.timings)),
+        row=evidence.of(flight_row),
+        trends=evidence.of(past.trends),
         looked_at=tuple(subject.name for subject in told if not lacks[subject]),
         blind=tuple((subject.name, lacks[subject]) for subject in told if lacks[subject]),
     )

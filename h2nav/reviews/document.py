@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from h2nav.airframes.trend import Departure
 from h2nav.integrity.findings import Finding, as_mapping
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Span
@@ -22,7 +23,7 @@ from h2nav.reviews.verdict import verdict
 
 FORMAT = 1
 # Of docs/schema/review.json: increases with new keys; keys are never renamed or removed.
-SCHEMA = 1
+SCHEMA = 2
 DIGITS = 6  # significant ones; a file may hold more than any sensor provides
 MOST_TEXTS = 500
 
@@ -74,6 +75,20 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "spectra": [_spectrum(one) for one in analysis.spectra],
         "compasses": [_compass(one) for one in analysis.compasses],
         "receivers": [_receiver(one) for one in analysis.receivers],
+        "airframe": {
+            "id": analysis.row.airframe or None,
+            "uid": context.uid or None,
+            "board": context.board or None,
+            "system_id": context.system_id or None,
+        },
+        "flown": {
+            "flown_s": analysis.row.flown_s,
+            "distance_m": analysis.row.distance_m,
+            "landings": analysis.row.landings,
+            "hard_landings": analysis.row.hard_landings,
+        },
+        "features": dict(analysis.row.features),
+        "trends": [_trend(one) for one in analysis.trends],
         "notices": [
             {"t_s": t_s, "severity": severity, "text": text}
             for t_s, severity, text in flight.notices[:MOST_TEXTS]
@@ -271,6 +286,11 @@ def _receiver(one: Receiver) -> dict[str, object]:
         "fewest_satellites": -_largest(-one.satellites),
         "lag_s": one.lag_s,
     }
+
+
+def _trend(one: Departure) -> dict[str, object]:
+    found = one._asdict()
+    return {"kind": "drift" if found.pop("is_drift") else "step", **found}
 
 
 def _spans(spans: tuple[Span, ...]) -> list[dict[str, object]]:

@@ -51,6 +51,41 @@ def review_schema() -> dict[str, Any]:
         "spectra": _list_of(_object(imu={"type": "integer", "minimum": 1}, peaks=_list_of({}))),
         "compasses": _list_of(_object(compass={"type": "integer", "minimum": 1})),
         "receivers": _list_of(_object(receiver={"type": "integer", "minimum": 1})),
+        "airframe": {
+            **_object(
+                id=_MAY_TEXT,
+                uid=_MAY_TEXT,
+                board=_MAY_TEXT,
+                system_id={"type": ["integer", "null"]},
+            ),
+            "description": "id: the autopilot's UID, else its system id and board",
+        },
+        "flown": _object(
+            flown_s=_NUMBER,
+            distance_m=_NUMBER,
+            landings={"type": "integer"},
+            hard_landings={"type": "integer"},
+        ),
+        "features": {
+            "type": "object",
+            "additionalProperties": _NUMBER,
+            "description": "figures that are compared with those of the airframe's other flights",
+        },
+        "trends": _list_of(
+            _object(
+                kind={"enum": ["step", "drift"]},
+                name=_TEXT,
+                number={"type": "integer"},
+                value=_NUMBER,
+                usual=_NUMBER,
+                deviation=_NUMBER,
+                earlier={"type": "integer"},
+                slope=_MAY_NUMBER,
+                limit=_MAY_NUMBER,
+                flights_left=_MAY_NUMBER,
+                text=_TEXT,
+            )
+        ),
         "notices": _texts(),
         "said": _texts(),
         "rejected": _COUNTS,

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from h2nav.airframes.features import FlightRow
 from h2nav.integrity.findings import Finding
 from h2nav.recordings.context import Array, Context, Span
 
@@ -55,3 +56,4 @@ class Flight(NamedTuple):
     findings: tuple[Finding, ...]  # of the checks in flight
     rejected: dict[str, int]  # reason of rejection -> count
     held: tuple[Span, ...] = ()  # aids of our attitude: spans of each name, in order
+    earlier: tuple[FlightRow, ...] = ()  # what is remembered of earlier flights, of any airframe

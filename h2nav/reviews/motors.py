@@ -83,15 +83,33 @@ def _outputs(
 # --- one that works harder --------------------------------------------------------------------
 
 
-def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
-    """Differences between motors with wind and motion removed."""
+class Beyond(NamedTuple):
+    """Each motor's output beyond the mean of the others, with wind and motion removed."""
+
+    own: Array  # (k,) microseconds, of the level flight as a whole
+    t_s: Array  # (N,) times of level flight
+    left: Array  # (N, k) microseconds, over time
+
+
+def outputs_beyond_others(
+    bins: Bins, context: Context, impacts: Sequence[Impact]
+) -> dict[int, float]:
+    """By motor: its output beyond the mean of the others, us; empty where unknown."""
+    motors = context.motors
+    if motors is None or len(motors.t_s) < 2 or not len(bins.t_s):
+        return {}
+    found = _beyond(_outputs(bins, motors, context, impacts), len(motors.numbers))
+    return {} if found is None else dict(zip(motors.numbers, found.own.tolist(), strict=True))
+
+
+def _beyond(outputs: MotorOutputs, count: int) -> Beyond | None:
+    """By regression in level flight; None if there is too little of it."""
     bins = outputs.bins
     tilt = np.arccos(np.clip(-bins.f_b[:, 2] / np.linalg.norm(bins.f_b, axis=1), -1.0, 1.0))
     rate = np.linalg.norm(bins.w_b, axis=1)
     level = outputs.flies & (tilt < LEVEL_RAD) & (rate < QUIET_RAD_S)
-    count = len(motors.numbers)
     if level.sum() < FEWEST_BINS or count < 3:
-        return []
+        return None
     pwm_us = outputs.pwm_us[level]
     apart = (pwm_us - pwm_us.mean(axis=1, keepdims=True)) * count / (count - 1)
     causes = np.hstack(
@@ -103,15 +121,22 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     )
     rows = np.column_stack((np.ones(len(causes)), causes))
     fitted = np.linalg.lstsq(rows, apart, rcond=None)[0]
-    own = fitted[0]
+    return Beyond(fitted[0], bins.t_s[level], apart - causes @ fitted[1:])
+
+
+def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
+    """Differences between motors with wind and motion removed."""
+    beyond = _beyond(outputs, len(motors.numbers))
+    if beyond is None:
+        return []
+    own, at_s = beyond.own, beyond.t_s
     motor = int(np.argmax(own))
     others = np.delete(own, motor)
     if own[motor] < UNEVEN_US or own[motor] - others.max() < ALONE_US:
         return []
     if np.ptp(others) > OTHERS_SHARE * own[motor]:
         return []
-    left = (apart - causes @ fitted[1:])[:, motor]
-    at_s = bins.t_s[level]
+    left = beyond.left[:, motor]
     parts = np.array_split(np.arange(len(left)), PARTS)
     sizes = [float(np.median(left[part])) for part in parts]
     lasts = [size >= LASTS_SHARE * own[motor] for size in sizes]

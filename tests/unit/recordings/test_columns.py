@@ -305,3 +305,24 @@ def test_an_airspeed_is_one_where_a_sensor_has_measured_it(tmp_path, name):
         for index, t in zip(at, TIMES, strict=True)
     ]
     assert np.array_equal(known, (sources == 1) | (sources == 3))
+
+
+def test_temperatures_of_imus(tmp_path: Path):
+    new, old, writer = DataflashWriter(), DataflashWriter(), ULogWriter()
+    new.add("IMU", "QBf", "TimeUS,I,T", TIMES, 0, 41.5)
+    old.add("IMU", "Qf", "TimeUS,Temp", TIMES, 20.0)
+    old.add("IMU2", "Qf", "TimeUS,Temp", TIMES, 41.5)
+    writer.add("vehicle_imu_status", "float temperature_accel", TIMES, 41.5)
+    raw = mavlink.MAVLink_raw_imu_message(0, *[0] * 9, id=0, temperature=4150)
+    second = mavlink.MAVLink_scaled_imu2_message(0, *[0] * 9, temperature=4150)
+    for context, imu in (
+        (dataflash(tmp_path, new), 0),
+        (dataflash(tmp_path, old), 1),
+        (ulog(tmp_path, writer), 0),
+        (telemetry(tmp_path, raw), 0),
+        (telemetry(tmp_path, second), 1),
+    ):
+        track = context.temperatures[-1]
+        assert (track.imu, track.temperature_degc[0]) == (imu, pytest.approx(41.5))
+    cold = mavlink.MAVLink_raw_imu_message(0, *[0] * 9, id=0, temperature=0)
+    assert telemetry(tmp_path, cold).temperatures == ()

@@ -1,0 +1,1 @@
+"""What is remembered of an airframe: figures of each flight, their trends, an odometer."""
