@@ -89,6 +89,16 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
             "what went wrong in a flight: findings and pictures, one page per flight",
             "review flight.bin -o reviews --open",
         ),
+        ("compare",): CommandEntry(
+            "compare",
+            "two flights side by side: parameters, figures, verdicts",
+            "compare good.bin bad.bin",
+        ),
+        ("odometer",): CommandEntry(
+            "odometer",
+            "flights, hours and landings of airframes and their components",
+            "odometer reviews --components components.yaml",
+        ),
         ("fleet",): CommandEntry(
             "fleet",
             "the reviews of thousands of flights, and a table of them",

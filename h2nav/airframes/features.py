@@ -241,6 +241,11 @@ def airframe_id(uid: str, system_id: int, board: str) -> str:
     return ""
 
 
+def is_unique(airframe: str) -> bool:
+    """Whether no other airframe has the same id; a system id and a board are common to many."""
+    return airframe.startswith("uid:")
+
+
 def row_of_document(document: Mapping[str, Any]) -> FlightRow | None:
     """The row of a review's JSON document.
 

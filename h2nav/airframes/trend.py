@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 # Fewer earlier flights show nothing; older ones are of another vehicle in all but name.
 FEWEST_EARLIER, MOST_EARLIER = 5, 30
+# Among so many before it those are searched in which a figure is known, as warm as now.
+MOST_SEARCHED = 300
 STEP_DEVIATIONS = 3.0
 # Deviations Q_n of 5, 6, ... 30 independent normal values beyond which the next one lies with a
 # probability of 4.5e-4, and beyond all of them; simulated, 4e5 to 1e6 series each.
@@ -104,7 +106,7 @@ def own_past(rows: Iterable[FlightRow], row: FlightRow) -> tuple[FlightRow, ...]
     same = (one for one in rows if one.airframe == row.airframe)
     past = (one for one in same if one.start_unix_s < row.start_unix_s)
     # A flight recorded twice, by autopilot and ground station, has all but the same date.
-    return tuple(sorted(past, key=lambda one: one.start_unix_s))
+    return tuple(sorted(past, key=lambda one: one.start_unix_s)[-MOST_SEARCHED:])
 
 
 def _departure(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from h2nav.apps import extras, playback
+from h2nav.apps.component_file import read_components
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
 
@@ -53,10 +54,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"time for one flight; what takes longer is given up (default: {LONGEST_S:g})",
     )
+    parser.add_argument(
+        "--components",
+        type=Path,
+        metavar="FILE.yaml",
+        help="components that were put in, and when: the odometer counts from there",
+    )
     playback.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = (
-        "DIR gets index.html, flights.parquet, findings.parquet and reviews/. Flights with results "
+        "DIR gets index.html, reviews/, and as tables flights.parquet, findings.parquet, "
+        "features.parquet (the figures of each flight, and what left the airframe's own past) and "
+        "airframes.parquet (an odometer). Flights with results "
         "in DIR are not reviewed again, so that an interrupted run continues when it is started "
         "again. Broken recordings become rows with the reason."
     )
@@ -73,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
 
     workers = args.workers if args.workers is not None else (os.cpu_count() or 1)
     _check(args, workers)
+    changes = () if args.components is None else read_components(args.components)
     sources = find(args.sources)
     wished = playback.wishes(args)
     work = Work(
@@ -88,7 +98,9 @@ def run(args: argparse.Namespace) -> int:
             start = f"start some with: dask worker {args.scheduler}"
             print(f"h2nav: no workers there yet, this waits; {start}", file=sys.stderr)
         with tqdm(total=len(sources), unit="flight", disable=not sys.stderr.isatty()) as bar:
-            outcome = run_fleet(client, sources, work, store, lambda task, result: bar.update())
+            outcome = run_fleet(
+                client, sources, work, store, lambda task, result: bar.update(), changes
+            )
     document = _document(outcome, store.place(""), time.monotonic() - started_s)
     if args.json:
         print_json(document)
@@ -125,6 +137,11 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
         "no_estimate": found["why_no_estimate"],
         "verdict": found["verdict"],
         "crash_s": min(crashes, default=None),
+        "airframe": found["airframe"]["id"],
+        **found["flown"],
+        "remembered": {
+            name: found[name] for name in ("name", "airframe", "start_utc", "features", "flown")
+        },
         **{
             f"largest_{part}_deg": max(
                 (one[part]["largest_deg"] for one in apart if one[part]["largest_deg"] is not None),

@@ -13,6 +13,7 @@ import dask
 import orjson
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 
+from h2nav.airframes.odometer import ComponentChange
 from h2nav.errors import BadInput
 from h2nav.fleet.index import write_index
 from h2nav.fleet.sources import FlightSource
@@ -103,6 +104,7 @@ def run_fleet(
     work: Work,
     store: Store,
     on_finished: OnFinished,
+    changes: Sequence[ComponentChange] = (),
 ) -> TaskOutcome:
     """Reviews every flight without a result, and writes tables and index of all flights.
 
@@ -110,6 +112,7 @@ def run_fleet(
         sources: in the order of their addresses.
         store: receives the results; the workers must be able to write to it.
         on_finished: called with each finished flight, earlier ones first.
+        changes: components that were put in, for the odometer.
 
     Raises:
         BadInput: the workers' results do not arrive in `store`.
@@ -133,7 +136,7 @@ def run_fleet(
             costs.append(result["cost"])
         on_finished(task, result)
     with tempfile.TemporaryDirectory(prefix="h2nav-fleet-") as name:
-        rows = write_tables(_in_order(tasks, passing, store), Path(name), store)
+        rows = write_tables(_in_order(tasks, passing, store), Path(name), store, changes)
     write_index(rows, store)
     return TaskOutcome(rows, len(tasks) - len(waiting), costs)
 
