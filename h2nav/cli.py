@@ -104,6 +104,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
             "the reviews of thousands of flights, and a table of them",
             "fleet recordings -o reviews --workers 8",
         ),
+        ("serve",): CommandEntry(
+            "serve",
+            "a folder of flights in the browser: list, reviews, downloads",
+            "serve flights --open",
+        ),
         ("log", "info"): CommandEntry("log_info", "what a log holds", "log info flight.mcap"),
         ("log", "recover"): CommandEntry(
             "log_recover",

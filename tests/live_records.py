@@ -6,10 +6,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from h2nav.flights.folder import FlightFolder
 from h2nav.integrity.findings import Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.links.link_statistics import LinkStatistics
 from h2nav.links.live_feed import FeedRecord
+from h2nav.live.flights import FlightsSite
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
 from h2nav.log.recorder import RecorderRecord
@@ -110,13 +112,21 @@ class Served:
     Args:
         state: what it shows.
         host: to listen on.
+        flights: the folder of the record of flights, if any.
 
     Attributes:
         port: where it listens.
     """
 
-    def __init__(self, state: LiveState, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self,
+        state: LiveState | None,
+        host: str = "127.0.0.1",
+        flights: FlightFolder | None = None,
+    ) -> None:
         self.state = state
+        self._flights = flights
+        self._site: FlightsSite | None = None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
         self._thread.start()
@@ -142,12 +152,15 @@ class Served:
 
     def open_server(self) -> None:
         """The page is served, on the same port as before."""
-        self._server = self.run(PageServer, self.state, self._host, self.port)
+        self._site = None if self._flights is None else self.run(FlightsSite, self._flights)
+        self._server = self.run(PageServer, self.state, self._host, self.port, self._site)
         self.port = self._server.port
 
     def close_server(self) -> None:
         """The page is no longer served."""
         self.run(self._server.close)
+        if self._site is not None:
+            self.run(self._site.close)
 
     def end(self) -> None:
         """Nothing of it is left."""
@@ -158,9 +171,11 @@ class Served:
 
 
 @contextmanager
-def served(state: LiveState, host: str = "127.0.0.1") -> Iterator[Served]:
+def served(
+    state: LiveState | None, host: str = "127.0.0.1", flights: FlightFolder | None = None
+) -> Iterator[Served]:
     """A server that is gone after the block."""
-    running = Served(state, host)
+    running = Served(state, host, flights)
     try:
         yield running
     finally:

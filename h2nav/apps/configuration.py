@@ -166,6 +166,22 @@ class EventSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class FlightSettings:
+    """The record of flights, in the folder of the log.
+
+    Attributes:
+        review: review each flight when the vehicle has disarmed, in a process of its own at idle
+            priority, which ends when the vehicle is armed again and is taken up later.
+        review_memory_mb: memory of that process; a recording that needs more is not reviewed.
+        review_minutes: processor time of that process.
+    """
+
+    review: bool = True
+    review_memory_mb: Annotated[int, Within(128, 65536)] = 512
+    review_minutes: Annotated[int, Within(1, 1440)] = 30
+
+
+@dataclass(frozen=True, slots=True)
 class Configuration:
     """The whole file, one field per section."""
 
@@ -182,6 +198,7 @@ class Configuration:
     signing: SigningSettings = field(default_factory=SigningSettings)
     live: LiveSettings = field(default_factory=LiveSettings)
     events: EventSettings = field(default_factory=EventSettings)
+    flights: FlightSettings = field(default_factory=FlightSettings)
 
     @property
     def service(self) -> ServiceSettings:

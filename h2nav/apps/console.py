@@ -70,6 +70,10 @@ class Console:
         """Writes an event; people read the notice of its beginning."""
         self._event("finding", t_ns, {"phase": phase.value, **as_mapping(finding)})
 
+    def flight(self, t_ns: int, about: dict[str, Any]) -> None:
+        """Writes an event about the review of a flight."""
+        self._event("flight", t_ns, about)
+
     def started(self, t_ns: int, about: dict[str, Any]) -> None:
         """Writes the first event of a run: program, configuration, link."""
         self._about = about

@@ -26,11 +26,12 @@ def rows_in(folders: Iterable[Path]) -> tuple[FlightRow, ...]:
             raise BadInput(
                 f"{folder}: {error.strerror}; name a folder with reviews after --earlier"
             ) from error
-        found += [row for path in paths if (row := _row(path)) is not None]
+        found += [row for path in paths if (row := row_in(path)) is not None]
     return tuple(found)
 
 
-def _row(path: Path) -> FlightRow | None:
+def row_in(path: Path) -> FlightRow | None:
+    """The flight whose document this is; None if it is none."""
     try:
         if path.stat().st_size > _MOST_BYTES:
             return None

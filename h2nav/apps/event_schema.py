@@ -3,6 +3,7 @@
 from typing import Any
 
 from h2nav.integrity.finding_schema import DRAFT, report_schema, severity_schema
+from h2nav.integrity.severity import Severity
 from h2nav.service.health import ServiceState
 
 _ATTITUDE = {
@@ -47,6 +48,7 @@ def event_schema() -> dict[str, Any]:
             version=text, kernels={"enum": ["native", "python"]}, link=text, log=text
         ),
         "finding": report_schema(),
+        "flight": _flight(),
         "notice": _object(severity=severity_schema(), text={"type": "string"}),
         "status": status,
         "stopped": _object(**health, log={"type": ["string", "null"]}),
@@ -67,6 +69,19 @@ def event_schema() -> dict[str, Any]:
         ],
         "$defs": events,
     }
+
+
+def _flight() -> dict[str, Any]:
+    """The review of a flight has ended."""
+    text = {"type": "string"}
+    event = _object(id=text, name=text, error=text, summary={"type": "object"})
+    event["properties"] |= {
+        "id": {**text, "description": "the page is /flights/ID of the live page"},
+        "error": {**text, "description": "why there is no review; empty if there is one"},
+        "severity": {"enum": ["", *(severity.word for severity in Severity)]},
+        "text": {**text, "description": "the sentence for a ground station"},
+    }
+    return event
 
 
 def _object(**properties: dict[str, Any]) -> dict[str, Any]:

@@ -80,7 +80,10 @@ class LiveView:
         self._settings = configuration.live
         self._address = parse_listen_address(configuration.live.address)
         self._greeting = Greeting(
-            *self._address, configuration.live.foxglove_port, configuration.as_mapping()
+            *self._address,
+            configuration.live.foxglove_port,
+            configuration.as_mapping(),
+            configuration.log.folder,
         )
         self.feed = LiveFeed()  # takes the records of the pipeline
         self._viewer: subprocess.Popen[bytes] | None = None

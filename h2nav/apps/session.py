@@ -17,6 +17,7 @@ from h2nav.apps.pipeline import Outlets, Pipeline, Watcher
 from h2nav.attitude.native import backend
 from h2nav.errors import BadInput
 from h2nav.files.earth_field import earth_field_at
+from h2nav.flights.records import FLIGHTS_TOPIC
 from h2nav.host.host_clock import UnixClock
 from h2nav.host.own_memory import give_back
 from h2nav.host.service_manager import ServiceManager
@@ -27,11 +28,13 @@ from h2nav.service.effects import Notice
 from h2nav.service.service import Service, Surroundings
 
 if TYPE_CHECKING:
+    from h2nav.apps.flight_keeper import FlightKeeper
     from h2nav.apps.live_view import LiveView
     from h2nav.links.event_socket import EventSocket
 
 CLOSE_WITHIN_S = 1.5
 LET_IN_NS = 100_000_000
+FLIGHTS_NS = 1_000_000_000
 
 
 class Session:
@@ -65,6 +68,7 @@ class Session:
         self._console = console
         self._events = _event_socket(configuration, console, own_socket)
         self._let_in_ns = 0
+        self._flights_ns = 0
         self._clock = UnixClock()
         unix_s = time.time()
         self.recorder: Recorder | None = open_recorder(configuration.log, self._clock.offset_ns)
@@ -91,6 +95,7 @@ class Session:
             live=None if self._live is None else self._live.feed,
             finding=console.finding,
         )
+        self._keeper = _flight_keeper(configuration, self.recorder, console)
         self._pipeline = Pipeline(
             self.service, configuration.output.component_id, outlets, self._signing
         )
@@ -117,6 +122,17 @@ class Session:
                 self._pipeline.tend(now_ns, "live view", self._live.tend)
             if self._events is not None:
                 self._pipeline.tend(now_ns, "event socket", self._let_in)
+            if self._keeper is not None:
+                self._pipeline.tend(now_ns, "flight record", self._keep_flights)
+
+    def _keep_flights(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice]:
+        """Ends and reviews flights; shows the counts to the live view."""
+        assert self._keeper is not None
+        said = self._keeper.tend(t_ns, unix_ns, service)
+        if self._live is not None and t_ns >= self._flights_ns:
+            self._flights_ns = t_ns + FLIGHTS_NS
+            self._live.feed.record(FLIGHTS_TOPIC, self._keeper.record, unix_ns)
+        return said
 
     def _let_in(self, t_ns: int, _: int, service: Service) -> list[Notice]:
         """Accepts new clients of the event socket."""
@@ -147,6 +163,8 @@ class Session:
         trace: TracebackType | None,
     ) -> None:
         self.link.close()
+        if self._keeper is not None:
+            self._keeper.close()
         if self._live is not None:
             self._live.close()
         if self._signing is not None:
@@ -191,6 +209,17 @@ def _event_socket(
         return None
     console.show_events(events.say)
     return events
+
+
+def _flight_keeper(
+    configuration: Configuration, recorder: Recorder | None, console: Console
+) -> "FlightKeeper | None":
+    """Keeps the record of flights; None, and nothing imported, without a log or if not wished."""
+    if recorder is None or not configuration.flights.review:
+        return None
+    from h2nav.apps.flight_keeper import FlightKeeper
+
+    return FlightKeeper(configuration, recorder, console.flight)
 
 
 def _greeting(configuration: Configuration) -> str:

@@ -4,17 +4,16 @@ The specification requires it to be stored at least once a minute. It is stored 
 `SAVE_EVERY_S`, on a separate thread because a disk may be slow, and at the end.
 """
 
-import os
 import threading
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from h2nav.files.whole_file import replace_whole
 from h2nav.wire.signing import LARGEST_STAMP, STAMPS_PER_S, LocalStamp, stamp_at
 
 SAVE_EVERY_S = 10.0
-NEW_SUFFIX = ".new"
 
 _LONGEST_FILE = 64
 
@@ -52,18 +51,7 @@ class StampFile:
         Raises:
             OSError: it cannot be stored; the previous stamp stays.
         """
-        new = self.path.with_name(self.path.name + NEW_SUFFIX)
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
-        with open(os.open(new, flags, 0o600), "wb") as stream:
-            stream.write(b"%d\n" % stamp)
-            stream.flush()
-            os.fsync(stream.fileno())
-        new.replace(self.path)
-        folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        replace_whole(self.path, b"%d\n" % stamp)
 
 
 class StampNotice(NamedTuple):

@@ -75,6 +75,7 @@ class Greeting(NamedTuple):
     port: int  # of the page; 0 = chosen by the kernel
     foxglove_port: int  # of the Foxglove WebSocket; 0 = none
     configuration: Mapping[str, Mapping[str, Any]]  # of the daemon, section -> key -> value
+    flights_folder: str = ""  # of the record of flights; empty = none
 
 
 class Word(NamedTuple):

@@ -42,6 +42,10 @@ _COUNTERS = (
     _Row("log_dropped", "Messages the disk was too slow for.", "/recorder", "dropped_queue_full"),
     _Row("log_lost", "Messages lost to a failed or full disk.", "/recorder", "lost_disk"),
     _Row("log_files", "Log files opened.", "/recorder", "files"),
+    _Row("flights", "Flights that ended.", "/flights", "flown"),
+    _Row("flights_reviewed", "Recordings that were reviewed.", "/flights", "reviewed"),
+    _Row("flights_failed", "Recordings that could not be reviewed.", "/flights", "failed"),
+    _Row("flights_with_errors", "Reviews with an error.", "/flights", "with_errors"),
     _Row("cpu_seconds", "Processor time of the daemon.", "/feed", "cpu_s"),
     _Row("live_dropped", "Packets that found no room.", "/feed", "dropped"),
 )
@@ -51,6 +55,7 @@ _GAUGES = (
     _Row("armed", "What the autopilot says.", "/health", "armed"),
     _Row("sample_age_seconds", "Since the newest sample arrived.", "/status", "age_ms", 1e-3),
     _Row("log_file_bytes", "Size of the present log file.", "/recorder", "file_bytes"),
+    _Row("flights_reviewing", "A review runs.", "/flights", "is_reviewing"),
     _Row("resident_memory_bytes", "Of the daemon.", "/feed", "memory_bytes"),
 )
 _RATIOS = ("velocity", "force", "field", "turn")

@@ -1,28 +1,26 @@
-"""Serves the page and the metrics over HTTP, read-only, to every client that reaches the port.
+"""Serves the page, the metrics and the flights over HTTP to every client that reaches the port.
 
 Everything is limited: connections, viewers, the size of a request, the time for its arrival and for
 reading its answer. A viewer that reads slowly receives less, never late.
 """
 
-import asyncio
 import contextlib
-import ipaddress
 import socket
-from datetime import timedelta
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 from prometheus_client import CONTENT_TYPE_LATEST
-from tornado.gen import with_timeout
-from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.netutil import bind_sockets
-from tornado.web import Application, HTTPError, RequestHandler
+from tornado.web import Application, HTTPError
 
 from h2nav import __version__
+from h2nav.live import flights as flight_pages
 from h2nav.live.broadcast import Broadcast
+from h2nav.live.flights import FlightsSite
+from h2nav.live.handlers import PATIENCE_S, PageHandler, Shared, is_loopback
 from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState
 
@@ -30,16 +28,10 @@ MOST_CONNECTIONS = 64
 MOST_VIEWERS = 16
 MOST_HEADER_BYTES = 8192
 MOST_BODY_BYTES = 1024
-# Time for a request to arrive, and for an answer to be read.
-PATIENCE_S = 15.0
 # Events queued for a slow viewer become stale: the queue is short.
 SEND_BUFFER_BYTES = 4096
 WAITING = 32
 AGAIN_MS = 1000
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'"
-)
 REGISTRATION = {
     "name": "h2nav",
     "description": "Independent attitude beside the autopilot's, and what is wrong with either",
@@ -49,6 +41,7 @@ REGISTRATION = {
     "webpage": "",
     "api": "",
 }
+PAGE, FLIGHTS_PAGE = "page.html", "flights.html"
 KINDS = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -58,28 +51,34 @@ KINDS = {
 
 
 class PageServer:
-    """Serves a state on the running event loop.
+    """Serves on the running event loop.
 
     Args:
+        state: of the daemon; None without one.
         port: to listen on; 0 = chosen by the kernel.
+        flights: the record of flights; the only page where there is no state.
 
     Raises:
         OSError: the address is not available.
     """
 
-    def __init__(self, state: LiveState, host: str, port: int) -> None:
+    def __init__(
+        self, state: LiveState | None, host: str, port: int, flights: FlightsSite | None = None
+    ) -> None:
         sockets = bind_sockets(port, host, backlog=WAITING)
         for each in sockets:
             each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         self.port: int = sockets[0].getsockname()[1]  # the listening port
-        self._broadcast = Broadcast(state)
-        is_private = all(_is_loopback(each.getsockname()[0]) for each in sockets)
-        shared = {"shared": _Shared(state, self._broadcast, _assets(), is_private)}
+        self._broadcast = None if state is None else Broadcast(state)
+        is_private = all(is_loopback(each.getsockname()[0]) for each in sockets)
+        home = PAGE if state is not None else FLIGHTS_PAGE
+        shared = {"shared": Shared(state, self._broadcast, flights, _assets(), home, is_private)}
         application = Application(
             [
                 ("/events", _Events, shared),
                 ("/metrics", _Metrics, shared),
                 ("/register_service", _Registration, shared),
+                *((path, handler, shared) for path, handler in flight_pages.ROUTES),
                 ("/(.*)", _Asset, shared),
             ],
             log_function=lambda handler: None,  # a line per request would be a flood
@@ -94,11 +93,13 @@ class PageServer:
             body_timeout=PATIENCE_S,
         )
         self._server.add_sockets(sockets)
-        self._broadcast.start()
+        if self._broadcast is not None:
+            self._broadcast.start()
 
     def close(self) -> None:
         """Stops listening and disconnects all clients."""
-        self._broadcast.stop()
+        if self._broadcast is not None:
+            self._broadcast.stop()
         self._server.stop()
         self._server.hang_up()
 
@@ -123,74 +124,35 @@ class _LimitedServer(HTTPServer):
             stream.close()
 
 
-class _Shared(NamedTuple):
-    """What the handlers share."""
-
-    state: LiveState  # the source
-    broadcast: Broadcast  # of its events
-    assets: dict[str, bytes]  # the files of the page by name
-    is_private: bool  # the port is reachable from this computer only
-
-
-class _Handler(RequestHandler):
-    """Headers and limits of every answer."""
-
-    def initialize(self, shared: _Shared) -> None:
-        self.shared = shared
-
-    def set_default_headers(self) -> None:
-        self.clear_header("Server")
-        self.set_header("Content-Security-Policy", POLICY)
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.set_header("Cache-Control", "no-cache")
-
-    def prepare(self) -> None:
-        # A foreign web page may resolve its own name to this address; the Host header shows it.
-        if self.shared.is_private and not _is_loopback(self.request.host_name):
-            raise HTTPError(403)
-
-    def write_error(self, status_code: int, **_: Any) -> None:
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{status_code} {self._reason}\n")
-
-    async def sent(self, written: "asyncio.Future[None]") -> None:
-        """Waits until an answer is read; closes the connection of a client that does not read."""
-        try:
-            await with_timeout(
-                timedelta(seconds=PATIENCE_S), written, quiet_exceptions=StreamClosedError
-            )
-        except TimeoutError:
-            cast(HTTP1Connection, self.request.connection).stream.close()
-            raise StreamClosedError from None
-
-
-class _Asset(_Handler):
+class _Asset(PageHandler):
     """The page and its files."""
 
     async def get(self, name: str) -> None:
-        content = self.shared.assets.get(name or "page.html")
+        name = {"": self.shared.home, "flights": FLIGHTS_PAGE}.get(name, name)
+        content = self.shared.assets.get(name)
         if content is None:
             raise HTTPError(404)
-        self.set_header("Content-Type", KINDS[Path(name or "page.html").suffix])
+        self.set_header("Content-Type", KINDS[Path(name).suffix])
         with contextlib.suppress(StreamClosedError):
             await self.sent(self.finish(content))
 
     head = get
 
 
-class _Metrics(_Handler):
+class _Metrics(PageHandler):
     """The Prometheus endpoint."""
 
     async def get(self) -> None:
+        state, broadcast = self.shared.state, self.shared.broadcast
+        if state is None or broadcast is None:
+            raise HTTPError(404)
         self.set_header("Content-Type", CONTENT_TYPE_LATEST)
-        text = metrics_text(self.shared.state, self.shared.broadcast.viewers)
+        text = metrics_text(state, broadcast.viewers)
         with contextlib.suppress(StreamClosedError):
             await self.sent(self.finish(text))
 
 
-class _Registration(_Handler):
+class _Registration(PageHandler):
     """The document that BlueOS requests from every port, to list the page among its services."""
 
     async def get(self) -> None:
@@ -198,11 +160,13 @@ class _Registration(_Handler):
             await self.sent(self.finish(REGISTRATION))
 
 
-class _Events(_Handler):
+class _Events(PageHandler):
     """The page's stream: Server-Sent Events, which are one-way."""
 
     async def get(self) -> None:
         broadcast = self.shared.broadcast
+        if broadcast is None:
+            raise HTTPError(404)
         if broadcast.viewers >= MOST_VIEWERS:
             raise HTTPError(503)
         self.set_header("Content-Type", "text/event-stream")
@@ -226,12 +190,3 @@ def _assets() -> dict[str, bytes]:
     """The files of the page by name."""
     folder = resources.files("h2nav.live").joinpath("assets")
     return {file.name: file.read_bytes() for file in folder.iterdir()}
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 import resource
 import signal
 import socket
@@ -10,7 +9,10 @@ import traceback
 from pathlib import Path
 
 from h2nav.errors import BadInput
+from h2nav.flights.folder import FlightFolder
+from h2nav.host.yielding import yield_to_others
 from h2nav.links.live_feed import FeedLine, FeedReader, Greeting, Word
+from h2nav.live.flights import FlightsSite
 from h2nav.live.foxglove_server import FoxgloveServer
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
@@ -19,8 +21,6 @@ NICER = 10  # than the daemon
 # Clients can make the servers hold connections and frames; only this process may suffer from it.
 MOST_FILES = 512
 MOST_MEMORY_BYTES = 256 * 1024 * 1024
-FIRST_VICTIM = "1000"
-# Packets between two turns of the event loop.
 
 
 def view(end: socket.socket) -> int:
@@ -32,7 +32,10 @@ def view(end: socket.socket) -> int:
     Returns:
         The exit status: 0 at the daemon's end, 1 for an error, which was reported to the daemon.
     """
-    _step_back()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon handles it, then closes its end
+    yield_to_others(
+        NICER, {resource.RLIMIT_NOFILE: MOST_FILES, resource.RLIMIT_DATA: MOST_MEMORY_BYTES}
+    )
     feed = FeedReader(end)
     try:
         asyncio.run(_show(feed, feed.greeting()))
@@ -47,30 +50,16 @@ def view(end: socket.socket) -> int:
     return 1
 
 
-def _step_back() -> None:
-    """Yields to the estimate: less processor time, bounded memory, killed first.
-
-    A service manager may forbid some of these and set limits of its own.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon handles it, then closes its end
-    with contextlib.suppress(OSError):
-        os.nice(NICER)
-    for kind, most in (
-        (resource.RLIMIT_NOFILE, MOST_FILES),
-        (resource.RLIMIT_DATA, MOST_MEMORY_BYTES),
-    ):
-        with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(kind, (most, most))
-    with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text(FIRST_VICTIM)
-
-
 async def _show(feed: FeedReader, greeting: Greeting) -> None:
     """Serves until the feed ends, which raises ConnectionError."""
     state = LiveState()
-    host, port, foxglove_port, configuration = greeting
+    host, port, foxglove_port, configuration, flights_folder = greeting
     with contextlib.ExitStack() as servers:
-        page = servers.enter_context(contextlib.closing(_listening(state, host, port)))
+        flights: FlightsSite | None = None
+        if flights_folder:
+            flights = FlightsSite(FlightFolder(Path(flights_folder)))
+            servers.callback(flights.close)
+        page = servers.enter_context(contextlib.closing(_listening(state, host, port, flights)))
         foxglove: FoxgloveServer | None = None
         if foxglove_port:
             foxglove = FoxgloveServer(configuration)
@@ -80,9 +69,9 @@ async def _show(feed: FeedReader, greeting: Greeting) -> None:
         await _pass_on(feed, state, foxglove, page.port)
 
 
-def _listening(state: LiveState, host: str, port: int) -> PageServer:
+def _listening(state: LiveState, host: str, port: int, flights: FlightsSite | None) -> PageServer:
     try:
-        return PageServer(state, host, port)
+        return PageServer(state, host, port, flights)
     except OSError as error:
         reason = error.strerror or str(error)
         raise BadInput(f"live.address: {host}:{port}: {reason}; choose another") from None

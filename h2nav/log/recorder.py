@@ -193,6 +193,11 @@ class Recorder:
         self._series.keep("metadata", name, lambda file: file.describe(name, texts))
         self._wake.set()
 
+    def roll(self) -> None:
+        """Closes the present file soon and begins the next one."""
+        self._series.roll()
+        self._wake.set()
+
     def close(self, timeout_s: float | None = None) -> None:
         """Writes what is queued, closes and renames the file.
 

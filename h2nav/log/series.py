@@ -146,6 +146,7 @@ class LogSeries:
         self._new_headers: deque[tuple[tuple[str, str], Write]] = deque()
         self._reported: set[str] = set()
         self._stop_repair = threading.Event()
+        self._is_to_roll = False
 
     @property
     def written(self) -> int:
@@ -160,6 +161,10 @@ class LogSeries:
     def keep(self, kind: str, name: str, write: Write) -> None:
         """Adds a header to this file and every later one; called from any thread."""
         self._new_headers.append(((kind, name), write))
+
+    def roll(self) -> None:
+        """Ends the present file at the next `tend`; called from any thread."""
+        self._is_to_roll = True
 
     def begin(self) -> None:
         """Opens the first file and starts the repair of files left over from earlier runs."""
@@ -196,7 +201,9 @@ class LogSeries:
                 self._open()
         elif now_s >= self._sync_due_s:
             self._sync(now_s)
-        if self._file is not None and self._target.is_full(self._file, now_s - self._opened_at_s):
+        rolls, self._is_to_roll = self._is_to_roll, False
+        file = self._file
+        if file and (rolls or self._target.is_full(file, now_s - self._opened_at_s)):
             self._close()
             self._open()
 

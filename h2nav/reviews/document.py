@@ -44,6 +44,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "format": FORMAT,
         "schema": SCHEMA,
         "verdict": summed_up.text,
+        "headline": summed_up.headline,
         "name": flight.name,
         "file": flight.file,
         "kind": flight.kind,

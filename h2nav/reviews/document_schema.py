@@ -17,6 +17,7 @@ def review_schema() -> dict[str, Any]:
         "format": {"const": FORMAT},
         "schema": {"type": "integer", "minimum": SCHEMA, "description": "grows with new keys"},
         "verdict": {**_TEXT, "description": "the flight in a few sentences"},
+        "headline": {**_TEXT, "description": "the first sentence of the verdict"},
         "name": _TEXT,
         "file": _TEXT,
         "kind": {"enum": ["tlog", "bytes", "mcap", "dataflash", "ulog"]},

@@ -25,6 +25,7 @@ from h2nav.reviews.pictures import (
 )
 from h2nav.reviews.pictures.columns import shown_s
 from h2nav.reviews.pictures.picture import Curves, Picture, Section, Shown, Stack, for_script
+from h2nav.reviews.verdict import first_sentence
 
 LONG_VERDICT = 160  # characters: set smaller, so that it does not fill a phone
 LEAST_PERCENT = 0.05  # smaller values are shown as nothing
@@ -185,8 +186,8 @@ def _findings(document: dict[str, Any]) -> str:
 
 def _verdict(text: str) -> str:
     """The verdict with its first sentence marked."""
-    first, stop, rest = text.partition(". ")
-    return f"<b>{escape(first + stop)}</b>{escape(rest)}"
+    first, rest = first_sentence(text)
+    return f"<b>{escape(first)}</b> {escape(rest)}"
 
 
 def _is_own(finding: dict[str, Any]) -> bool:

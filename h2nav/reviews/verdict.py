@@ -56,6 +56,17 @@ class FlightVerdict(NamedTuple):
     looked_at: tuple[str, ...]  # checked subjects, one phrase each
     missing: tuple[str, ...]  # subjects that could not be checked
 
+    @property
+    def headline(self) -> str:
+        """The first sentence."""
+        return first_sentence(self.text)[0]
+
+
+def first_sentence(verdict: str) -> tuple[str, str]:
+    """The first sentence of a verdict, and what follows it."""
+    first, stop, rest = verdict.partition(". ")
+    return first + stop.strip(), rest
+
 
 def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     """Composes the verdict on a flight.

@@ -200,6 +200,11 @@ class Service:
         return identity.description if identity is not None else ""
 
     @property
+    def is_armed(self) -> bool:
+        """Whether the autopilot says armed; False before there is one."""
+        return self._autopilot.is_armed
+
+    @property
     def state(self) -> ServiceState:
         """How it judges itself, alone; the record of its health costs more."""
         return self._standing.verdict.state

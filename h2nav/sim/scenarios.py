@@ -40,6 +40,8 @@ class Scenario(NamedTuple):
     mav_type: int = QUADROTOR  # MAV_TYPE of the vehicle: 2 a quadrotor, 10 a rover
     # distance of the left and right wheel, m, at t seconds; None without wheels
     wheels_at: WheelsAt | None = None
+    landed_s: float = math.inf  # when it is on the ground again
+    disarmed_s: float = math.inf  # when the motors are disarmed
 
     def motion(self, t_s: float) -> RigidMotion:
         """The truth at `t_s` seconds after the start."""
@@ -47,11 +49,11 @@ class Scenario(NamedTuple):
 
     def is_armed(self, t_s: float) -> bool:
         """Whether the motors are armed at `t_s`."""
-        return self.armed_s is not None and t_s >= self.armed_s
+        return self.armed_s is not None and self.armed_s <= t_s < self.disarmed_s
 
     def is_airborne(self, t_s: float) -> bool:
         """Whether the vehicle is off the ground at `t_s`."""
-        return self.airborne_s is not None and t_s >= self.airborne_s
+        return self.airborne_s is not None and self.airborne_s <= t_s < self.landed_s
 
 
 def scenario(name: str) -> Scenario:
@@ -205,6 +207,29 @@ def _flight(t_s: float) -> RigidMotion:
     return of_multirotor(Path(north, east, down), _light_wind(since_s), turn, DRAG_PER_S)
 
 
+_HOP = (
+    _Leg(4.0, down_m=-6.0),
+    _Leg(4.0, north_m=9.0, turn_deg=20.0),
+    _Leg(4.0, north_m=-9.0, turn_deg=-20.0),
+    _Leg(5.0, down_m=6.0),
+)
+_HOP_S = sum(leg.length_s for leg in _HOP)
+
+
+def _hop(t_s: float) -> RigidMotion:
+    """On the ground for 5 s, up to 6 m, there and back, and down to where it began."""
+    since_s = t_s - TAKE_OFF_S
+    terms: tuple[list[Jet], list[Jet], list[Jet]] = ([], [], [])
+    start_s = 0.0
+    for leg in _HOP:
+        rise = jets.step(since_s, start_s, leg.length_s)
+        for axis, size in zip(terms, (leg.north_m, leg.down_m, leg.turn_deg * DEG), strict=True):
+            axis.append(jets.scaled(rise, size))
+        start_s += leg.length_s
+    north, down, turn = (jets.total(axis) for axis in terms)
+    return of_multirotor(Path(north, jets.ZERO, down), STILL_AIR, turn, DRAG_PER_S)
+
+
 def _light_wind(since_s: float) -> Path:
     """Gusts of 1 m/s that begin at take-off."""
     rise = jets.step(since_s, 0.0, _TAKE_OFF.length_s)
@@ -238,6 +263,16 @@ SCENARIOS: dict[str, Scenario] = {
             _flight,
             armed_s=TAKE_OFF_S - 2.0,
             airborne_s=TAKE_OFF_S,
+        ),
+        Scenario(
+            "hop",
+            "5 s on the ground, up to 6 m, there and back, landed and disarmed",
+            TAKE_OFF_S + _HOP_S + 3.0,
+            _hop,
+            armed_s=TAKE_OFF_S - 2.0,
+            airborne_s=TAKE_OFF_S,
+            landed_s=TAKE_OFF_S + _HOP_S,
+            disarmed_s=TAKE_OFF_S + _HOP_S + 1.0,
         ),
         Scenario("rest", "on the ground, disarmed", 60.0, _rest, armed_s=None, airborne_s=None),
         Scenario(

@@ -5,7 +5,8 @@ import shutil
 import pytest
 from signing_peer import NOW_STAMP, Clock
 
-from h2nav.files.stamp_file import NEW_SUFFIX, SAVE_EVERY_S, StampFile, StampKeeper
+from h2nav.files.stamp_file import SAVE_EVERY_S, StampFile, StampKeeper
+from h2nav.files.whole_file import NEW_SUFFIX
 from h2nav.wire.signing import LARGEST_STAMP
 
 DAY = 24 * 3600 * 100_000

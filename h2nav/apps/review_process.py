@@ -1,0 +1,136 @@
+"""Runs `h2nav.apps.reviewer` in a process of its own, watched without waiting."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import orjson
+
+from h2nav.apps.reviewer import ReviewJob
+from h2nav.flights.folder import FlightFolder
+
+MOST_SAID_BYTES = 1 << 20
+_READ_BYTES = 65536
+
+
+class ReviewOutcome(NamedTuple):
+    """How a review process ended."""
+
+    flight: str = ""  # id of the flight that it reviewed; empty if none was waiting
+    name: str = ""  # of the recording
+    error: str = ""  # why there is no review
+    severity: str = ""  # of the sentence, a word
+    text: str = ""  # the sentence about the flight
+    summary: dict[str, Any] = {}  # noqa: RUF012 - never changed; the row of the list
+    trouble: str = ""  # why nothing could be done; the recording is not to blame
+
+    @property
+    def did_nothing(self) -> bool:
+        """Whether every flight has a review."""
+        return not self.flight and not self.trouble
+
+
+class ReviewProcess:
+    """At most one process at a time."""
+
+    def __init__(self, job: ReviewJob) -> None:
+        self._job = job
+        self._process: subprocess.Popen[bytes] | None = None
+        self._said = b""
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a process was started and its outcome not yet taken."""
+        return self._process is not None
+
+    def start(self) -> None:
+        """Starts it; raises OSError."""
+        modules = os.pathsep.join(path for path in sys.path if path)
+        one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        self._said = b""
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "h2nav.apps.reviewer", orjson.dumps(self._job._asdict())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # a recording could flood the journal
+            env={**os.environ, **one_thread, "PYTHONPATH": modules},
+            process_group=0,  # Ctrl-C is for its parent
+        )
+        assert self._process.stdout is not None
+        os.set_blocking(self._process.stdout.fileno(), False)
+
+    def outcome(self) -> ReviewOutcome | None:
+        """Returns what came of it, once; None while it runs."""
+        process = self._process
+        if process is None:
+            return None
+        self._listen(process)
+        if process.poll() is None:
+            return None
+        self._listen(process)
+        self._close(process)
+        return self._made(process.returncode)
+
+    def stop(self) -> None:
+        """Ends it at once; what it was at is taken up again by the next one."""
+        process = self._process
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        self._listen(process)
+        self._close(process)
+        began = self._last("began")
+        if began:
+            FlightFolder(Path(self._job.root), Path(self._job.reviews)).forget_attempt(began)
+
+    def _listen(self, process: "subprocess.Popen[bytes]") -> None:
+        assert process.stdout is not None
+        while True:
+            try:
+                data = os.read(process.stdout.fileno(), _READ_BYTES)
+            except BlockingIOError:
+                return
+            if not data:
+                return
+            self._said = (self._said + data)[-MOST_SAID_BYTES:]
+
+    def _close(self, process: "subprocess.Popen[bytes]") -> None:
+        assert process.stdout is not None
+        process.stdout.close()
+        self._process = None
+
+    def _lines(self) -> list[dict[str, Any]]:
+        found = []
+        for line in self._said.splitlines():
+            try:
+                said = orjson.loads(line)
+            except ValueError:
+                continue
+            if isinstance(said, dict):
+                found.append(said)
+        return found
+
+    def _last(self, key: str) -> str:
+        return next((str(said[key]) for said in reversed(self._lines()) if key in said), "")
+
+    def _made(self, status: int) -> ReviewOutcome:
+        for said in reversed(self._lines()):
+            if "trouble" in said:
+                return ReviewOutcome(trouble=str(said["trouble"]))
+            if "nothing" in said or "busy" in said:
+                return ReviewOutcome()
+            if "id" in said:
+                return ReviewOutcome(
+                    str(said["id"]),
+                    str(said.get("name", "")),
+                    str(said.get("error", "")),
+                    str(said.get("severity", "")),
+                    str(said.get("text", "")),
+                    dict(said.get("summary", {})),
+                )
+        reason = f"signal {-status}" if status < 0 else f"status {status}"
+        at = self._last("name")
+        return ReviewOutcome(trouble=f"the review{f' of {at}' if at else ''} ended with {reason}")

@@ -1,0 +1,194 @@
+"""The process that reviews one flight of a folder beside the daemon, at idle priority and bounded.
+
+It is started as a module (`h2nav.apps.review_process`), picks the newest flight without a review of
+its present recordings, says which one on standard output, reviews it, commits the result, says it,
+and ends. A recording that cannot be reviewed gets an error for a review.
+"""
+
+import contextlib
+import ctypes
+import fcntl
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import orjson
+
+from h2nav.errors import BadInput, TaskFailed
+from h2nav.flights.folder import FILE_MODE, MOST_ATTEMPTS, FlightFiles, FlightFolder, FlightRecord
+from h2nav.flights.summary import sentence_of, summary_of
+from h2nav.host.yielding import NICEST, run_when_idle, yield_to_others
+from h2nav.log.folder import MIB
+
+if TYPE_CHECKING:  # loaded where there is a flight to review
+    from h2nav.airframes.features import FlightRow
+
+MOST_FILES = 128
+MOST_PAGE_BYTES = 1 << 29
+# After the limit of processor time, for the words of the error.
+LAST_WORDS_S = 10
+SCRATCH = ".review-"
+LOCK = ".lock"
+_PR_SET_PDEATHSIG = 1
+
+
+class ReviewJob(NamedTuple):
+    """What the process is told."""
+
+    root: str  # folder of the recordings
+    reviews: str  # folder of the reviews
+    memory_mb: int  # limit of its own memory, MiB
+    minutes: int  # limit of its processor time
+
+
+def main() -> int:
+    """Runs the job of the command line; returns 0 when it is done, 1 where it cannot be."""
+    job = ReviewJob(**orjson.loads(sys.argv[1]))
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
+    _bound(job)
+    folder = FlightFolder(Path(job.root), Path(job.reviews))
+    try:
+        folder.reviews.mkdir(parents=True, exist_ok=True)
+        with _alone(folder.reviews) as is_alone:
+            _say(_next_review(folder, job) if is_alone else {"busy": True})
+    except OSError as error:
+        _say({"trouble": f"{error.filename or folder.reviews}: {error.strerror or error}"})
+        return 1
+    return 0
+
+
+def _bound(job: ReviewJob) -> None:
+    # Of memory the limit is of what it can write to: recordings are mapped, not read, and a large
+    # one needs no more memory than a small one for being opened.
+    yield_to_others(
+        NICEST,
+        {
+            resource.RLIMIT_NOFILE: MOST_FILES,
+            resource.RLIMIT_DATA: job.memory_mb * MIB,
+            resource.RLIMIT_FSIZE: MOST_PAGE_BYTES,
+            resource.RLIMIT_CORE: 0,
+        },
+    )
+    run_when_idle()
+    signal.signal(signal.SIGXCPU, _took_too_long)
+    limit_s = job.minutes * 60
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + LAST_WORDS_S))
+
+
+def _took_too_long(_number: int, _frame: FrameType | None) -> None:
+    raise TaskFailed("takes more processor time than flights.review_minutes")
+
+
+@contextlib.contextmanager
+def _alone(reviews: Path) -> Iterator[bool]:
+    """Whether no other process reviews in this folder meanwhile."""
+    with open(os.open(reviews / LOCK, os.O_WRONLY | os.O_CREAT, FILE_MODE), "wb") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+            return
+        for scratch in reviews.glob(f"{SCRATCH}*"):  # of a process that was killed
+            shutil.rmtree(scratch, ignore_errors=True)
+        yield True
+
+
+def _next_review(folder: FlightFolder, job: ReviewJob) -> dict[str, Any]:
+    flights = folder.flights().values()
+    newest_first = sorted(flights, key=lambda one: -max(each.mtime_ns for each in one.recordings))
+    for flight in newest_first:
+        if not folder.is_current(flight, folder.record(flight.id)):
+            _say({"began": flight.id, "name": _readable(flight.best.name)})
+            return _said_of(_reviewed(folder, flight, job))
+    return {"nothing": True}
+
+
+def _reviewed(folder: FlightFolder, flight: FlightFiles, job: ReviewJob) -> FlightRecord:
+    """Reviews a flight and commits the result; OSError where it cannot be stored."""
+    if folder.attempt(flight.id) > MOST_ATTEMPTS:
+        times = f"{MOST_ATTEMPTS} times"
+        return folder.commit(flight, {}, error=f"its review ended with its process, {times}")
+    path = folder.path_of(flight.best.name)
+    scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=folder.reviews))
+    try:
+        try:
+            summary = _written(path, scratch, _earlier(folder, flight))
+        except Exception as error:
+            text = _in_words(error, path, job).replace(f"{path}: ", "")
+            return folder.commit(flight, {}, error=_readable(text))
+        return folder.commit(flight, summary, written=scratch)
+    except OSError:  # a full disk says nothing about the recording
+        folder.forget_attempt(flight.id)
+        raise
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _earlier(folder: FlightFolder, flight: FlightFiles) -> "tuple[FlightRow, ...]":
+    """What is remembered of the other flights in the folder."""
+    from h2nav.apps.earlier_flights import row_in
+
+    records = (folder.record(each) for each, _ in folder.records() if each != flight.id)
+    documents = (each.document for each in records if each is not None and each.document)
+    rows = (row_in(folder.reviews / name) for name in documents)
+    return tuple(row for row in rows if row is not None)
+
+
+def _written(path: Path, scratch: Path, earlier: "tuple[FlightRow, ...]") -> dict[str, Any]:
+    """Writes a review into a folder; returns its row of the list."""
+    from h2nav.apps.playback import Wishes
+    from h2nav.apps.reviewing import write_review
+
+    document = write_review(path, scratch, "review", Wishes(calibrates=True, earlier=earlier))
+    for file in scratch.iterdir():
+        file.chmod(FILE_MODE)
+    return summary_of(document)
+
+
+def _in_words(error: Exception, path: Path, job: ReviewJob) -> str:
+    """Why a recording cannot be reviewed, in one line; raises what is no fault of the recording."""
+    if isinstance(error, OSError):
+        if error.filename != str(path):
+            raise error
+        return f"cannot be read: {error.strerror}"
+    if isinstance(error, BadInput):
+        return "; ".join(error.lines)
+    if isinstance(error, MemoryError):
+        return f"needs more memory than flights.review_memory_mb, {job.memory_mb} MiB"
+    text = " ".join(str(error).split())
+    if isinstance(error, TaskFailed):
+        return text
+    return f"fault of the review: {type(error).__name__}: {text}; please report it"
+
+
+def _said_of(record: FlightRecord) -> dict[str, Any]:
+    name = _readable(record.recordings[0].name)
+    said = {"id": record.id, "name": name, "error": record.error}
+    if record.error:
+        return said
+    severity, text = sentence_of(record.summary)
+    summary = dict(record.summary)
+    summary.pop("kinds", None)
+    return {**said, "severity": severity.word, "text": text, "summary": summary}
+
+
+def _readable(text: str) -> str:
+    return text.encode(errors="surrogateescape").decode(errors="replace")
+
+
+def _say(said: dict[str, Any]) -> None:
+    sys.stdout.buffer.write(orjson.dumps(said) + b"\n")
+    sys.stdout.buffer.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""A flight with the fake autopilot: its log ends, it is reviewed, everybody is told."""
+
+import contextlib
+import json
+import time
+import urllib.request
+from pathlib import Path
+
+from daemon_process import WAIT_S, daemon, fake_autopilot, free_udp_port
+from needs import need_package
+
+from h2nav.flights.folder import FlightFolder
+
+SECONDS = 90.0  # for take-off, landing, and the review on a busy machine
+
+
+def seen(running, wanted):
+    """The first event of the run that is wanted; waits longer than one look of the fixture does."""
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        for event in running.events:
+            if wanted(event):
+                return event
+        with contextlib.suppress(AssertionError):
+            running.wait_for(wanted)
+    raise AssertionError(f"not seen: {running.events[-3:]}")
+
+
+def test_a_flight_is_reviewed_after_landing_and_shown(tmp_path: Path) -> None:
+    need_package("tornado")
+    need_package("foxglove")
+    port, logs = free_udp_port(), tmp_path / "logs"
+    live = ("--live", "127.0.0.1:0")
+    with (
+        daemon("--connect", f"udpin:127.0.0.1:{port}", "--log-dir", str(logs), *live) as running,
+        fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "hop"),
+    ):
+        told = seen(running, lambda each: each["event"] == "flight")
+        assert told["error"] == ""
+        assert told["summary"]["airframe"] == "ArduPilot quadrotor 1/1"
+        assert 17.0 < told["summary"]["duration_s"] < 22.0
+        assert told["text"].startswith(("flight sound", "flight: "))
+        seen(running, lambda each: each["event"] == "notice" and each["text"] == told["text"])
+        page = next(
+            each["text"].split()[3].rstrip(",/")
+            for each in running.events
+            if each["event"] == "notice" and each["text"].startswith("live view at")
+        )
+        (row,) = _listed(page)
+        assert row["id"] == told["id"]
+        assert row["state"] == "reviewed"
+        assert b"<title>" in _read(f"{page}/flights/{row['id']}")
+        end = time.monotonic() + WAIT_S
+        while b"h2nav_flights_reviewed_total 1.0" not in _read(f"{page}/metrics"):
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        assert running.stop() == 0
+    folder = FlightFolder(logs)
+    flown, rest = sorted(folder.flights().values(), key=lambda each: each.best.name)
+    assert folder.is_current(flown, folder.record(flown.id))
+    assert folder.record(rest.id) is None
+    assert not list(folder.reviews.glob(".review-*"))
+
+
+def _read(url: str) -> bytes:
+    with urllib.request.urlopen(url, timeout=WAIT_S) as answer:
+        return bytes(answer.read())
+
+
+def _listed(page: str) -> list[dict[str, object]]:
+    return list(json.loads(_read(f"{page}/flights.json?state=reviewed"))["flights"])

@@ -1,0 +1,133 @@
+"""The list of flights in a real browser, at a desk's width and a phone's, by keyboard alone."""
+
+import pytest
+from browsers import headless_browser, says, wait_until
+from flight_folders import add_flights, summary
+from live_records import served
+
+COUNT = 500
+WIDTHS = {"desk": 1280, "phone": 390}
+VIBRATING = sum("vibration" in summary(number)["kinds"] for number in range(COUNT))
+ROWS = "document.querySelectorAll('#list tbody tr').length"
+FIRST = "return document.querySelector('#list tbody tr').innerText"
+FOCUSED = "return document.activeElement"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with headless_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = add_flights(tmp_path_factory.mktemp("flights"), COUNT)
+    (folder.root / "broken.bin").write_bytes(b"not a log")
+    flight = next(each for each in folder.flights().values() if each.best.name == "broken.bin")
+    folder.commit(flight, {}, error="<b>not</b> a recording")
+    with served(None, flights=folder) as running:
+        yield running
+
+
+@pytest.fixture(params=WIDTHS)
+def width(request, browser, page):
+    look = {"width": WIDTHS[request.param], "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", look)
+    browser.get_log("browser")
+    browser.get(f"http://127.0.0.1:{page.port}/flights")
+    wait_until(browser, f"return {ROWS} === 100")
+    yield request.param
+    browser.get("about:blank")
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def press(browser, *keys):
+    from selenium.webdriver.common.keys import Keys
+
+    for key in keys:
+        browser.switch_to.active_element.send_keys(getattr(Keys, key, key))
+
+
+def reach(browser, script):
+    """Tabs until the focused element is the one that a script returns."""
+    for _ in range(60):
+        if browser.execute_script(f"return document.activeElement === ({script})"):
+            return
+        press(browser, "TAB")
+    raise AssertionError(f"not reached by the tabulator: {script}")
+
+
+def test_it_lists_the_newest_first_and_pages(browser, width):
+    says(browser, "#count", f"{COUNT + 1} flights")
+    assert "2026-11-25" not in browser.execute_script(FIRST) or width
+    reach(browser, "document.getElementById('search')")
+    assert browser.execute_script("return document.getElementById('before').disabled")
+    browser.execute_script("document.getElementById('after').focus()")
+    press(browser, "ENTER")
+    says(browser, "#place", f"101 to 200 of {COUNT + 1}")
+    assert browser.execute_script(f"return {ROWS}") == 100
+    assert not [each for each in browser.get_log("browser") if each["level"] == "SEVERE"]
+
+
+def test_it_sorts_by_keyboard(browser, width):
+    if width == "desk":
+        reach(browser, "document.querySelector('[data-sort=verdict]')")
+        press(browser, "ENTER")
+        wait_until(
+            browser,
+            "return document.querySelector('[data-sort=verdict]').parentNode"
+            ".getAttribute('aria-sort') === 'ascending'",
+        )
+    else:
+        reach(browser, "document.getElementById('sort')")
+        browser.execute_script(
+            "const box = document.getElementById('sort'); box.value = 'verdict';"
+            "box.dispatchEvent(new Event('change'))"
+        )
+    says(browser, "#list tbody tr", "crashed at 8 m/s")
+
+
+def test_it_searches_and_filters(browser, width):
+    reach(browser, "document.getElementById('search')")
+    press(browser, *"crash plane")
+    wait_until(browser, f"return {ROWS} > 0 && {ROWS} < 100")
+    texts = browser.execute_script(
+        "return [...document.querySelectorAll('#list tbody tr')].map((row) => row.innerText)"
+    )
+    assert all("crash" in text and "ArduPlane" in text for text in texts)
+    says(browser, "#count", f"{len(texts)} of {COUNT + 1} flights")
+    browser.execute_script(
+        "document.getElementById('search').value = '';"
+        "const box = document.getElementById('kind'); box.value = 'vibration';"
+        "box.dispatchEvent(new Event('change'))"
+    )
+    says(browser, "#count", f"{VIBRATING} of {COUNT + 1} flights")
+    says(browser, "#list tbody tr", "vibrat")
+
+
+def test_text_of_a_recording_stays_text_and_says_why_there_is_no_review(browser, width):
+    browser.execute_script(
+        "const box = document.getElementById('reviewed'); box.value = 'failed';"
+        "box.dispatchEvent(new Event('change'))"
+    )
+    wait_until(browser, f"return {ROWS} === 1")
+    says(browser, "#list tbody", "<b>not</b> a recording")
+
+
+def test_a_review_opens_by_keyboard_and_can_ask_the_server_for_nothing(browser, width, page):
+    reach(browser, "document.querySelector('#list td.name a')")
+    press(browser, "ENTER")
+    wait_until(browser, "return location.pathname.startsWith('/flights/')")
+    assert browser.title.isdecimal()
+    assert browser.execute_script("return self.origin") == "null"
+
+
+def test_every_control_has_a_name_and_nothing_is_wider_than_the_page(browser, width):
+    nameless = browser.execute_script(
+        "return [...document.querySelectorAll('a, button, input, select')].filter((each) => "
+        "!(each.getAttribute('aria-label') || each.innerText || each.labels?.length))"
+        ".map((each) => each.outerHTML)"
+    )
+    assert nameless == []
+    over = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert browser.execute_script(over) <= 0
