@@ -4,6 +4,7 @@ Everything between the two is bytes: the autopilot's frames pass its faulty line
 the codec; what the service sends is deframed and goes back to the autopilot.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,6 +61,7 @@ class SimulatedFlight:
         field_at: the field model.
         line_bytes_per_s: capacity of the autopilot's serial line; None = anything.
         recorder: the log; its times are the manual clock's.
+        parameters: of the autopilot, set before it is switched on.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class SimulatedFlight:
         field_at: EarthFieldAt = earth_field_at,
         line_bytes_per_s: float | None = None,
         recorder: Recorder | None = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         options = AutopilotOptions(
             scenario(flown) if isinstance(flown, str) else flown,
@@ -86,6 +89,7 @@ class SimulatedFlight:
             imus,
             extra_streams,
             line_bytes_per_s=line_bytes_per_s,
+            parameters=parameters or {},
         )
         self.autopilot = FakeAutopilot(options)
         self.seen = Seen()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import EarthField, ImuSample
-from h2nav.integrity.findings import Alarm, Severity
+from h2nav.integrity.findings import Alarm, Kind, SensorKind, Severity
 from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item, Preflight
 from h2nav.service.effects import Effect
 from h2nav.service.health import ServiceState, StateVerdict
@@ -18,6 +18,7 @@ from h2nav.wire import outbound
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.position import GpsFix
+from h2nav.wire.vehicle import ParameterValue
 
 # A fault of this duration is reported; the opinion does not wait.
 LASTS_NS = 3 * SECOND_NS
@@ -29,15 +30,43 @@ LOOK_NS = SECOND_NS // 4
 NOTHING_KNOWN = "not judged yet: keep it still"
 
 
-def reasons_in(state: StateVerdict, alarms: Iterable[Alarm]) -> tuple[str, ...]:
+# ArduPilot's parameters that say whether a compass, by its number from 0, is used.
+COMPASS_USES = {"COMPASS_USE": 0, "COMPASS_USE2": 1, "COMPASS_USE3": 2}
+# What follows at rest from a sensor that is named already.
+_OF_INERTIAL = {
+    Kind.ATTITUDE_VELOCITY,
+    Kind.ATTITUDE_GRAVITY,
+    Kind.GYRO_FIELD,
+    Kind.COMPASS_FIELD,
+}
+CONSEQUENCES = {
+    "gyro": _OF_INERTIAL,
+    "accelerometer": _OF_INERTIAL,
+    "compass": {Kind.GYRO_FIELD, Kind.COMPASS_FIELD},
+    "gps": {Kind.ATTITUDE_VELOCITY},
+}
+
+
+def parameters(autopilot: int) -> tuple[str, ...]:
+    """The parameters to request from this make of autopilot (MAV_AUTOPILOT)."""
+    is_ardupilot = autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    return tuple(COMPASS_USES) if is_ardupilot else ()
+
+
+def reasons_in(
+    state: StateVerdict, alarms: Iterable[Alarm], named: frozenset[str] = frozenset()
+) -> tuple[str, ...]:
     """Reasons not to arm besides the faults on the ground, the worst first.
 
     Args:
         state: of the service; every state but active is a reason.
         alarms: those of level warning and above are reasons.
+        named: sensors that faults on the ground name, such as ``gyro 1``; they, and what follows
+            from them, are not named again.
     """
     wrong = [alarm for alarm in alarms if alarm.severity <= Severity.WARNING]
-    found = [alarm.notice for alarm in sorted(wrong, key=lambda alarm: alarm.severity)]
+    told = [alarm for alarm in wrong if not _is_named(alarm, named)]
+    found = [alarm.notice for alarm in sorted(told, key=lambda alarm: alarm.severity)]
     # A degraded state repeats the alarms that degrade it.
     is_named = state.state is ServiceState.DEGRADED and any(alarm.degrades for alarm in wrong)
     if state.state is not ServiceState.ACTIVE and not is_named:
@@ -45,20 +74,37 @@ def reasons_in(state: StateVerdict, alarms: Iterable[Alarm]) -> tuple[str, ...]:
     return tuple(found)
 
 
+def _is_named(alarm: Alarm, named: frozenset[str]) -> bool:
+    """Whether an alarm is of a sensor that is named already, or follows from it."""
+    words = [part.partition(" ")[0] for part in named]
+    if any(alarm.kind in CONSEQUENCES.get(word, ()) for word in words):
+        return True
+    kind, number = alarm.sensor.kind, alarm.sensor.number
+    # Of an IMU, the kind of the alarm tells the sensor.
+    is_imu = kind is SensorKind.IMU
+    names = [w for w in words if alarm.kind.value.startswith(w)] if is_imu else [kind.value]
+    return any((name if number is None else f"{name} {number}") in named for name in names)
+
+
 class BeforeArming:
     """Checks the vehicle while it is disarmed; commands nothing.
 
     Args:
         report: reports a fault on the ground.
-        others: the reasons besides those faults.
+        others: the reasons besides those faults; it is told which sensors they name.
     """
 
-    def __init__(self, report: Report, others: Callable[[], tuple[str, ...]] = lambda: ()) -> None:
+    def __init__(
+        self,
+        report: Report,
+        others: Callable[[frozenset[str]], tuple[str, ...]] = lambda _named: (),
+    ) -> None:
         self._report = report
         self._others = others
         self._preflight = Preflight()
         self._since_ns: dict[tuple[Item, str], int] = {}
         self._looked_ns = 0
+        self._unused: dict[int, bool] = {}
         self._is_armed = False
         self._undisturbed_ns: int | None = None
         self.verdict = GroundVerdict()
@@ -74,7 +120,8 @@ class BeforeArming:
         """Why not to arm, for people; none while armed."""
         if self._is_armed:
             return ()
-        return (*(fault.text for fault in self.faults), *self._others())
+        named = frozenset(fault.part for fault in self.faults if fault.part)
+        return (*(fault.text for fault in self.faults), *self._others(named))
 
     def armed(self, is_armed: bool) -> None:
         """Takes the armed state from the heartbeat."""
@@ -104,6 +151,10 @@ class BeforeArming:
             self._preflight.on_velocity(message.v_n)
         elif isinstance(message, ReportedAttitude) and not message.is_second:
             self._preflight.on_attitude(message.q_nb)
+        elif isinstance(message, ParameterValue) and message.name in COMPASS_USES:
+            self._unused[COMPASS_USES[message.name]] = message.value == 0.0
+            unused = frozenset(imu for imu, is_unused in self._unused.items() if is_unused)
+            self._preflight.on_unused_compasses(unused)
 
     @property
     def opinion(self) -> int:

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -199,6 +199,21 @@ class Estimation:
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None if there were none."""
         return self._sent.why_no_samples(t_ns) if self._sent else None
+
+    def lost_imus(self, comes: Callable[[int], bool]) -> Iterator[str]:
+        """IMUs besides the one sent that were heard and are not, for people.
+
+        Args:
+            comes: whether a message may be expected: of a stream that we do without, no IMU is
+                lost.
+        """
+        for lane in self._lanes:
+            if lane is self._sent or lane.faults():
+                continue
+            if lane.lost:
+                yield f"{lane.sensor.name}: {lane.lost}"
+            elif lane.is_missing(self._heard_ns) and comes(lane.stream_id):
+                yield f"{lane.sensor.name}: no samples"
 
     def useless_streams(self) -> Iterator[int]:
         """Requested messages that turned out not to be lanes."""
@@ -439,6 +454,8 @@ class Estimation:
             return next(own, "its gyro or force is off")
         if cause is SwitchCause.WORSE:
             return self._worse_by(before, lane)
+        if cause is SwitchCause.SILENT and before.is_left:
+            return "the autopilot has left it"
         return _REASONS[cause]
 
     def _worse_by(self, worse: Lane, lane: Lane) -> str:

@@ -7,7 +7,7 @@ from h2nav.attitude.samples import ImuSample
 from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
-from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity
+from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity, Shown
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
@@ -56,6 +56,7 @@ class Intake:
 
     Attributes:
         newest_us: time of the newest sample of this epoch; None before the first.
+        is_left: the autopilot flies on another IMU, whose samples HIGHRES_IMU shows.
     """
 
     def __init__(self, messages: LaneMessages, autopilot: int, *, lends: bool) -> None:
@@ -71,6 +72,7 @@ class Intake:
         self._contested_line: int | None = None
         self._contested_ns: int | None = None
         self.newest_us: int | None = None
+        self.is_left = False
 
     @property
     def message(self) -> ImuMessage | None:
@@ -118,18 +120,20 @@ class Intake:
         return min(idle_ns, self._identity.next_ns) if self._may_identify(message_id) else idle_ns
 
     def _may_identify(self, message_id: int) -> bool:
-        """Whether a message shows whose samples the one in use are."""
-        is_first = message_id == FIRST_ID and message_id in self._ids and not self._takes_others
+        """Whether a message shows whose samples HIGHRES_IMU has, beside the one in use."""
+        if self._takes_others or not {ANYONES_ID, FIRST_ID} <= self._ids:
+            return False
         row = self._choice.chosen
-        return is_first and row is not None and row.message_id == ANYONES_ID
+        chosen_id = None if row is None else row.message_id
+        return {message_id, chosen_id} == {ANYONES_ID, FIRST_ID}
 
     def take(self, incoming: Incoming, need: Need) -> Arrived:
         """Takes a reading; `need` is the answer to whether it is needed."""
         t_ns, message_id, reading, newest_sent = incoming
+        if self._only_identifies(incoming, need):
+            return FIELD_ONLY
         if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
             self._fields.take_field(t_ns, reading.m_b_ut)
-            return FIELD_ONLY
-        if self._shows_another(incoming, need):
             return FIELD_ONLY
         self._choice.takes(message_id, t_ns)
         verdict, t_us = self._clock_for(message_id, newest_sent).advance(t_ns, reading.time)
@@ -144,14 +148,22 @@ class Intake:
         )
         return Arrived(verdict, tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
 
-    def _shows_another(self, incoming: Incoming, need: Need) -> bool:
-        """Whether a reading only identifies, or has just proved to be another IMU's."""
+    def _only_identifies(self, incoming: Incoming, need: Need) -> bool:
+        """Whether a reading is no sample, because it is another IMU's or beside the one in use."""
         t_ns, message_id, reading, _ = incoming
-        if message_id not in (ANYONES_ID, FIRST_ID):
+        if message_id not in (ANYONES_ID, FIRST_ID) or self._takes_others:
             return False
-        is_anothers = self._identity.take(t_ns, message_id, reading)
-        if is_anothers and self._may_identify(FIRST_ID):
+        shown = self._identity.take(t_ns, message_id, reading, is_sample=need is Need.SAMPLE)
+        row = self._choice.chosen
+        chosen_id = None if row is None else row.message_id
+        names_another = message_id == ANYONES_ID and reading.imu not in (None, self._imu)
+        self.is_left |= names_another or shown is Shown.ANOTHER
+        if shown is Shown.ANOTHER and chosen_id == ANYONES_ID:
             self._choice.prefer(FIRST_ID, t_ns)
+            return True
+        if shown is Shown.FIRST and chosen_id == FIRST_ID:
+            self._choice.prefer(ANYONES_ID, t_ns)
+            self.is_left = False
             return True
         return need is Need.IDENTITY
 

@@ -37,6 +37,8 @@ from h2nav.wire.imu import Ages, ImuMessage
 
 FilterFor = Callable[[Identity], AttitudeFilter]
 SILENT_NS = ImuChoice.SILENT_NS
+# An IMU of which nothing came for this long is missing.
+MISSING_NS = 2 * SECOND_NS
 ENOUGH_RATE = 0.5
 CALM_RATIO = 0.5
 # Fast for its kind of vehicle, so that wind and a dive are no fault.
@@ -103,6 +105,8 @@ class Lane:
         self._counted_ns, self._counted = 0, 0
         # host time of the newest sample; None before the first
         self.last_used_ns: int | None = None
+        self._gap_ns = 0  # between the newest sample and the one before
+        self._was_used = False
         self._resumed_ns = 0
         self.newest: ImuSample | None = None  # the newest sample, unchanged
         self._unled: AttitudeEstimate | None = None
@@ -186,6 +190,22 @@ class Lane:
             return True
         return t_ns - max(self.last_used_ns, self._resumed_ns) > SILENT_NS
 
+    @property
+    def is_left(self) -> bool:
+        """Whether the autopilot flies on another IMU, and few samples of this one come."""
+        return self._intake.is_left and self._gap_ns * ENOUGH_RATE * self._wanted_hz > SECOND_NS
+
+    def is_missing(self, t_ns: int) -> bool:
+        """Whether it has had samples in this run, and none comes although others do."""
+        if not self._was_used or self.is_resting:
+            return False
+        return self.last_used_ns is None or t_ns - self.last_used_ns > MISSING_NS
+
+    @property
+    def lost(self) -> str:
+        """Why nothing of a stream that was usable is any more; empty if it is."""
+        return self._trust.lost if self._was_used else ""
+
     def condition(self, t_ns: int, sent: "Lane") -> Condition:
         """The inputs of the selection for this lane.
 
@@ -194,11 +214,11 @@ class Lane:
             sent: the lane that is sent; if it is silent, any rate suffices.
         """
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
-        has_rate = sent.is_silent(t_ns) or self.rate_hz >= enough_hz
+        has_rate = sent.is_silent(t_ns) or sent.is_left or self.rate_hz >= enough_hz
         may_follow = self.has_estimate and not self.is_spoilt and has_rate
         return Condition(
             may_follow,
-            self.is_silent(t_ns),
+            self.is_silent(t_ns) or self.is_left,
             self.ratio,
             self._monitor.ratios.of_field,
             self._monitor.vibration_m_s2,
@@ -398,7 +418,8 @@ class Lane:
             self._monitor.restart()
         self._counted += 1
         self._trust.accept()
-        self.last_used_ns = t_ns
+        self._gap_ns = t_ns - (self.last_used_ns or t_ns)
+        self.last_used_ns, self._was_used = t_ns, True
         has_field = not self._monitor.field_is_frozen and not self.compass_is_wrong
         if use is not Use.ALL or is_at_end or not has_field:
             sample = _usable(sample, use, is_at_end=is_at_end, has_field=has_field)

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.preflight import GroundVerdict
-from h2nav.service import comparing, records
+from h2nav.service import before_arming, comparing, imu_identity, records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Identity, Sender
 from h2nav.service.before_arming import BeforeArming, reasons_in
@@ -36,7 +36,7 @@ from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
 from h2nav.service.outputs import Assessment, Outputs
-from h2nav.service.parameter_request import ParameterRequest
+from h2nav.service.parameter_request import ParameterRequests
 from h2nav.service.pulse import Pulse
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import ServiceSettings
@@ -157,7 +157,7 @@ class Service:
         self._streams: StreamRequests | None = None
         self._bound_address: Sender | None = None
         self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
-        self._parameter = ParameterRequest()
+        self._parameters_wanted = ParameterRequests()
         self._units = UnitsCheck()
         self._link_error: str | None = ""
         self._bytes_are_junk = False
@@ -467,7 +467,10 @@ class Service:
         )
         self._bound_address = identity.address
         self._idle_until_ns.clear()
-        self._parameter = ParameterRequest(self._estimation.timing.parameter)
+        self._parameters_wanted = ParameterRequests(
+            *filter(None, (self._estimation.timing.parameter,)),
+            *before_arming.parameters(identity.autopilot),
+        )
         bound = self._notices.report(t_ns, Severity.INFO, f"bound to {identity.description}")
         return [*bound, self._delays_record()]
 
@@ -524,7 +527,7 @@ class Service:
         self._start_over()
         if self._streams is not None:
             self._streams.restart()
-        self._parameter.restart()
+        self._parameters_wanted.restart()
         rebooted = event is TimeVerdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
         return self._notices.report(t_ns, Severity.WARNING, text)
@@ -571,7 +574,8 @@ class Service:
             self._streams.said(said.text)
 
     def _on_parameter(self, t_ns: int, parameter: ParameterValue) -> list[Effect]:
-        self._parameter.heard(parameter.name)
+        self._parameters_wanted.heard(parameter.name)
+        self._before_arming.on_message(parameter)
         if not self._estimation.take_parameter(parameter):
             return []
         late_ms = 1e3 * (self._estimation.timing.ages().rates_s or 0.0)
@@ -631,8 +635,12 @@ class Service:
         self._told_opinion = opinion
         return self._send_all(self._before_arming.messages)
 
-    def _reasons_not_to_arm(self) -> tuple[str, ...]:
-        return reasons_in(self._standing.verdict, self._judgement.alarms)
+    def _reasons_not_to_arm(self, named: frozenset[str]) -> tuple[str, ...]:
+        found = reasons_in(self._standing.verdict, self._judgement.alarms, named)
+        return (*found, *self._estimation.lost_imus(self._may_come))
+
+    def _may_come(self, message_id: int) -> bool:
+        return self._streams is None or not self._streams.is_given_up(message_id)
 
     def _ask_time(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity
@@ -664,7 +672,7 @@ class Service:
             return []
         if not self._pulse.is_heard(t_ns):
             return []
-        request = self._parameter.next(t_ns, identity.address)
+        request = self._parameters_wanted.next(t_ns, identity.address)
         return [] if request is None else [self._send(request)]
 
     def _report(self, t_ns: int) -> list[Effect]:
@@ -708,6 +716,9 @@ class Service:
             Wish(lane.message_ids[0], wanted.autopilot.imu_rate_hz, is_optional=True)
             for lane in lanes
         ]
+        if lanes and {imu_identity.ANYONES_ID, imu_identity.FIRST_ID} <= {first, *others}:
+            known = Wish(imu_identity.FIRST_ID, imu_identity.RATE_HZ, is_optional=True)
+            optional.append(known)
         optional += comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
         if wanted.aiding.airspeed and identity.is_fixed_wing:
             optional.append(Wish(mavlink.MAVLINK_MSG_ID_AIRSPEED, 4.0, is_optional=True))

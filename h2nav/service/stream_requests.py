@@ -227,6 +227,14 @@ class StreamRequests:
                 return min(self._held_hz[message_id], stream.wish.rate_hz)
         return None
 
+    def is_given_up(self, message_id: int) -> bool:
+        """Whether we do without a message that is optional."""
+        return any(
+            stream.phase is StreamPhase.GIVEN_UP
+            for stream in self._streams
+            if message_id in stream.candidates
+        )
+
     def is_refused(self, message_id: int) -> bool:
         """Whether the autopilot also refuses all alternatives and lower rates of a message."""
         return any(

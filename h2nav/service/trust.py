@@ -44,6 +44,8 @@ class LaneTrust:
         self.sensor_is_bad = False  # a sensor is known to be faulty
         # the filter has to restart, if possible with the attitude of another lane
         self.is_spoilt = False
+        # why nothing of the stream was usable in the end; empty once a reading was used again
+        self.lost = ""
 
     # --- readings that are refused ------------------------------------------------------------
 
@@ -52,6 +54,8 @@ class LaneTrust:
         self._count(reason)
         self._refusal, self._refused_ns = reason, t_ns
         self._refusals += 1
+        if self.is_refused:
+            self.lost = REFUSAL_TEXTS.get(reason, reason)
 
     def fault(self, reason: str) -> None:
         """Counts a fault of the filter, for which the stream is not to blame."""
@@ -59,7 +63,7 @@ class LaneTrust:
 
     def accept(self) -> None:
         """Notes a reading that was used."""
-        self._refusals = 0
+        self._refusals, self.lost = 0, ""
 
     @property
     def is_refused(self) -> bool:

@@ -33,7 +33,8 @@ def test_a_sound_vehicle_has_no_fault(imus):
     [
         ("gyro-bias=4@0", 1, (Item.GYRO, "IMU 1")),
         ("accel-scale=1.1@0", 1, (Item.ACCELEROMETER, "IMU 1")),
-        ("compass-reversed@0/2", 2, (Item.COMPASSES_APART, "compass 1 and 2")),
+        ("compass-reversed@0/2", 2, (Item.COMPASS, "compass 2")),
+        ("compass-turned=90@0/2", 2, (Item.COMPASSES_APART, "compass 1 and 2")),
         ("accel-bias=1.5@0/2", 2, (Item.ACCELEROMETERS_APART, "IMU 1 and 2")),
         ("hard-iron=80@0", 1, (Item.COMPASS, "compass 1")),
         ("autopilot-tilt=10@0", 1, (Item.TILT, "autopilot")),
@@ -161,3 +162,43 @@ def test_a_vehicle_that_is_never_at_rest_is_not_refused_for_ever():
     flight.run(16.0)
     assert Item.ACCELEROMETER not in flight.pipeline.service.before_arming.judged
     assert opinions(flight)[0][-1][1] == 1
+
+
+LATER_S = 15.0  # after the optional streams have come
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("accel-bias=3", "accelerometer 1 off by 3.0 m/s2"),
+        ("gyro-bias=4", "gyro 1 turns 3.9 deg/s at rest"),
+        ("imu-frozen", "IMU 1: whole IMU is frozen"),
+        ("gyro-frozen", "IMU 1: gyro is frozen"),
+        ("accel-frozen", "IMU 1: accelerometer is frozen"),
+        ("zero-accel/2", "IMU 2: "),
+        ("no-mag", "compass 1 is no longer read"),
+        ("no-mag/3", "compass 3 is no longer read"),
+        ("compass-turned=90/2", "compass 2 is off by 90 deg"),
+        ("gps-step=4", "GPS moves by "),
+        ("autopilot-tilt=10", "autopilot's tilt off by 10"),
+        ("autopilot-heading=40", "autopilot's heading off 40 deg"),
+    ],
+)
+def test_of_three_imus_the_wrong_sensor_alone_is_the_reason(fault, said):
+    """The autopilot flies on another IMU meanwhile, and HIGHRES_IMU shows that one."""
+    name, _, imu = fault.partition("/")
+    fault = f"{name}@{LATER_S:g}{'/' + imu if imu else ''}"
+    flight = SimulatedFlight("rest", imus=3, faults=(fault,)).run(LATER_S - 0.1)
+    assert not flight.pipeline.service.reasons_not_to_arm
+    (reason,) = flight.run(LATER_S + 3.2).pipeline.service.reasons_not_to_arm
+    assert said in reason
+
+
+def test_a_compass_that_the_autopilot_does_not_use_is_no_reason():
+    """COMPASS_USE 0: a plane flies by GPS alone, whatever iron is beside the compass."""
+    flight = SimulatedFlight("rest", faults=("hard-iron=60@0",)).run(6.0)
+    assert flight.pipeline.service.reasons_not_to_arm
+    unused = SimulatedFlight(
+        "rest", faults=("hard-iron=60@0",), parameters={"COMPASS_USE": 0.0}
+    ).run(6.0)
+    assert "compass 1" not in " ".join(unused.pipeline.service.reasons_not_to_arm)

@@ -70,3 +70,63 @@ def test_a_vehicle_that_turns_slowly_turns_its_field():
     vehicle = Vehicle()
     found = [vehicle.stand(0.5, field_deg=-0.5 * n, w_b=(0.0, 0.0, DEG)) for n in range(120)]
     assert not any(found)
+
+
+def stand_all(forces, *, fields=None, seconds=3.0, reported=None, unused=()):
+    """The faults of a vehicle with several IMUs that stands with these values."""
+    preflight = Preflight()
+    preflight.on_earth(EARTH)
+    preflight.on_unused_compasses(frozenset(unused))
+    if reported is not None:
+        preflight.on_attitude(reported)
+    for count in range(round(seconds * RATE_HZ)):
+        for imu, f_b in enumerate(forces):
+            field = (LEVEL_UT, 0.0, DOWN_UT) if fields is None else fields[imu]
+            t_us = count * 1_000_000 // RATE_HZ
+            preflight.on_sample(imu, ImuSample(t_us, (0.0, 0.0, 0.0), f_b, field))
+    return [(fault.item, fault.sensor) for fault in preflight.verdict.faults]
+
+
+REST = (0.0, 0.0, -9.81)
+NORTH = (LEVEL_UT, 0.0, DOWN_UT)
+EAST = (0.0, LEVEL_UT, DOWN_UT)
+
+
+def test_two_accelerometers_outvote_the_third_and_nothing_is_judged_by_it():
+    tilted = (2.0, 0.0, -9.6)  # its norm passes
+    assert stand_all([tilted, REST, REST]) == [(Item.ACCELEROMETER, "IMU 1")]
+    assert stand_all([tilted, REST]) == [(Item.ACCELEROMETERS_APART, "IMU 1 and 2")]
+
+
+def test_two_compasses_outvote_the_third():
+    assert stand_all([REST] * 3, fields=[NORTH, EAST, NORTH]) == [(Item.COMPASS, "compass 2")]
+    apart = [(Item.COMPASSES_APART, "compass 1 and 2")]
+    assert stand_all([REST] * 2, fields=[NORTH, EAST]) == apart
+    assert stand_all([REST] * 2, fields=[NORTH, EAST], unused=[1]) == []
+
+
+def test_the_autopilots_heading_is_compared_with_compasses_that_agree():
+    east = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    assert stand_all([REST], reported=east) == [(Item.HEADING, "autopilot")]
+    assert stand_all([REST], fields=[(0.0, -LEVEL_UT, DOWN_UT)], reported=east) == []
+    # A compass that agrees with the autopilot leaves it undecided.
+    one_agrees = stand_all([REST] * 2, fields=[NORTH, (0.0, -LEVEL_UT, DOWN_UT)], reported=east)
+    assert one_agrees == [(Item.COMPASSES_APART, "compass 1 and 2")]
+
+
+def test_a_force_that_moves_at_rest_is_the_accelerometers():
+    preflight = Preflight()
+    preflight.on_earth(EARTH)
+    preflight.on_attitude((1.0, 0.0, 0.0, 0.0))
+
+    def stand(seconds, f_b, start_s):
+        for count in range(round(seconds * RATE_HZ)):
+            t_us = round(start_s * 1e6) + count * 1_000_000 // RATE_HZ
+            preflight.on_sample(0, ImuSample(t_us, (0.0, 0.0, 0.0), f_b, NORTH))
+        return [(fault.item, round(fault.size, 1)) for fault in preflight.verdict.faults]
+
+    pushed = (3.0, 0.0, -9.81)
+    assert stand(4.2, REST, 0.0) == []
+    assert stand(3.0, pushed, 4.2) == [(Item.ACCELEROMETER, 3.0)]
+    assert stand(30.0, pushed, 7.2) == [(Item.ACCELEROMETER, 3.0)]
+    assert stand(4.0, REST, 37.2) == []

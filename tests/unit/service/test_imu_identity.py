@@ -2,6 +2,7 @@
 
 import random
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.imu_choice import LaneMessages
@@ -10,7 +11,7 @@ from h2nav.service.intake import Incoming, Intake, Need
 from h2nav.wire.imu import ImuReading
 
 
-def messages_in_use(highres_shows_another_from, ticks=600):
+def messages_in_use(highres_shows_another_from, ticks=600, until=10_000, first_every=1):
     """The message in use after each tick of 10 ms."""
     one = Intake(
         LaneMessages(0, (ANYONES_ID, FIRST_ID)), mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, lends=True
@@ -18,9 +19,11 @@ def messages_in_use(highres_shows_another_from, ticks=600):
     numbers, used, identified = random.Random(1), [], 0
     for tick in range(ticks):
         mine, others = ([numbers.gauss(0.0, 0.05) for _ in range(6)] for _ in range(2))
-        shown = others if tick >= highres_shows_another_from else mine
+        shown = others if highres_shows_another_from <= tick < until else mine
         t_ns, time = tick * 10_000_000, 1_000_000 + 10_000 * tick
         for message_id, values in ((FIRST_ID, mine), (ANYONES_ID, shown)):
+            if message_id == FIRST_ID and tick % first_every:
+                continue
             need = one.need(t_ns, message_id)
             identified += need is Need.IDENTITY
             if need is not Need.NONE:
@@ -47,3 +50,11 @@ def test_it_is_left_within_half_a_second_of_showing_another_gyro():
 def test_messages_that_never_agreed_prove_nothing():
     used, _ = messages_in_use(0)
     assert set(used[1:]) == {ANYONES_ID}
+
+
+@pytest.mark.parametrize("first_every", [1, 10])
+def test_once_both_agree_again_the_finer_one_is_used_again(first_every):
+    """RAW_IMU comes at the rate of the finer one, or at ten a second."""
+    used, _ = messages_in_use(300, 900, until=500, first_every=first_every)
+    assert used[499] == FIRST_ID
+    assert set(used[650:]) == {ANYONES_ID}

@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.autopilot import Identity
-from h2nav.service.parameter_request import PAUSES_NS, ParameterRequest
+from h2nav.service.parameter_request import PAUSES_NS, ParameterRequests
 from h2nav.service.sensor_delays import GYRO_FILTER, SensorTiming, butterworth_delay_s
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import Ages
@@ -125,7 +125,7 @@ def test_other_parameters_and_other_autopilots_change_nothing():
 
 
 def test_a_parameter_is_asked_for_a_few_times_with_growing_pauses():
-    request = ParameterRequest(GYRO_FILTER)
+    request = ParameterRequests(GYRO_FILTER)
     asked_ns = [t_ns for t_ns in range(0, 200 * 10**9, 10**9) if request.next(t_ns, (1, 1))]
     assert len(asked_ns) == len(PAUSES_NS)
     pauses = [later - earlier for earlier, later in itertools.pairwise(asked_ns)]
@@ -137,9 +137,19 @@ def test_a_parameter_is_asked_for_a_few_times_with_growing_pauses():
 
 
 def test_a_parameter_that_has_come_is_not_asked_for():
-    request = ParameterRequest(GYRO_FILTER)
+    request = ParameterRequests(GYRO_FILTER)
     request.heard("SYSID_THISMAV")
     assert request.next(0, (1, 1)) is not None
     request.heard(GYRO_FILTER)
     assert request.next(10**12, (1, 1)) is None
-    assert ParameterRequest().next(0, (1, 1)) is None
+    assert ParameterRequests().next(0, (1, 1)) is None
+
+
+def test_several_parameters_are_asked_for_in_turn():
+    request = ParameterRequests("FIRST", "SECOND")
+    assert request.next(0, (1, 1)).param_id == "FIRST"
+    assert request.next(1, (1, 1)) is None
+    request.heard("FIRST")
+    assert request.next(2, (1, 1)).param_id == "SECOND"
+    asked = [t_s for t_s in range(1000) if request.next(t_s * 10**9, (1, 1))]
+    assert len(asked) == len(PAUSES_NS) - 1
