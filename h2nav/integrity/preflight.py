@@ -17,7 +17,7 @@ from h2nav.integrity.rest_windows import (
     FORCE_M_S2,
     MIN_WINDOWS,
     RestWindows,
-    Window,
+    RestWindow,
     about,
     apart,
     dot,
@@ -195,7 +195,7 @@ class Preflight:
         return GroundVerdict(tuple(faults), frozenset(judged))
 
     def _of_imus(
-        self, at_rest: dict[int, list[Window]], faults: list[GroundFault], judged: set[Item]
+        self, at_rest: dict[int, list[RestWindow]], faults: list[GroundFault], judged: set[Item]
     ) -> Vec3 | None:
         """Checks gyros and accelerometers; returns the force of one that nothing contradicts."""
         if not at_rest:

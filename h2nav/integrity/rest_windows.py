@@ -22,7 +22,7 @@ COMPARED_WINDOWS = 8
 LEVEL_UT = 5.0
 
 
-class Window(NamedTuple):
+class RestWindow(NamedTuple):
     """Half a second of an IMU."""
 
     w_b: Vec3  # mean rate, rad/s
@@ -46,13 +46,13 @@ class _Reference:
             filter takes the new value for the right one in the end.
     """
 
-    def __init__(self, first: Window, then: Vec3) -> None:
+    def __init__(self, first: RestWindow, then: Vec3) -> None:
         self._first, self.then = first, then
         self._windows = 0
         self._turned: Vec3 = (0.0, 0.0, 0.0)
         self.moved = 0.0
 
-    def follow(self, window: Window) -> None:
+    def follow(self, window: RestWindow) -> None:
         """Takes the gyro's turn during another window."""
         self._windows += 1
         step_s = 1e-6 * WINDOW_US
@@ -89,7 +89,7 @@ class RestWindows:
         self._start_us: int | None = None
         self._sums = [0.0] * 12
         self._count = 0
-        self.windows: list[Window] = []
+        self.windows: list[RestWindow] = []
         self.field: Vec3 | None = None
         self.field_is_raw = False
         self._fields: list[Vec3] = []  # of the present window
@@ -97,7 +97,7 @@ class RestWindows:
         self._force_before: _Reference | None = None
 
     @property
-    def still(self) -> list[Window]:
+    def still(self) -> list[RestWindow]:
         """The latest windows if all of them were at rest; otherwise none."""
         is_still = len(self.windows) == MIN_WINDOWS and all(w.is_still for w in self.windows)
         return self.windows if is_still else []
@@ -150,7 +150,7 @@ class RestWindows:
         turns, shakes = math.sqrt(max(spread[:3])), math.sqrt(sum(spread[3:]))
         if not math.isfinite(sum(means)):
             return
-        found = Window(
+        found = RestWindow(
             (means[0], means[1], means[2]),
             (means[3], means[4], means[5]),
             shakes,
@@ -161,7 +161,7 @@ class RestWindows:
         self._compare_field(found)
         self._compare_force(found)
 
-    def _compare_field(self, window: Window) -> None:
+    def _compare_field(self, window: RestWindow) -> None:
         """Compares the field with an earlier one, of a vehicle at rest long enough for both."""
         if not self.still or not self._fields:
             self._field_before = None if not window.is_still else self._field_before
@@ -174,7 +174,7 @@ class RestWindows:
                 return
         self._field_before = _Reference(window, field)
 
-    def _compare_force(self, window: Window) -> None:
+    def _compare_force(self, window: RestWindow) -> None:
         """Compares the force with an earlier one; a blow or a step of the sensor is no turn."""
         before = self._force_before
         if window.is_turning:
