@@ -120,6 +120,11 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
             "a log as CSV, Parquet, trajectory, tlog or a bag of ROS 2",
             "log export flight.mcap -o csv",
         ),
+        ("log", "anonymise"): CommandEntry(
+            "log_anonymise",
+            "a log that may be shown to others, elsewhere, with its physics kept",
+            "log anonymise flight.bin -o shown.bin",
+        ),
         ("log", "decode"): CommandEntry(
             "log_decode",
             "add the autopilot's messages as channels that viewers plot",

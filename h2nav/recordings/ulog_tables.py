@@ -16,6 +16,7 @@ from array import array
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from mmap import mmap
 from pathlib import Path
 from typing import NamedTuple
 
@@ -111,6 +112,14 @@ class ULogFile(NamedTuple):
     info: dict[str, str | float]  # such as ``sys_name``; texts and numbers
 
 
+class ULogLayout(NamedTuple):
+    """Where the messages of a file are."""
+
+    # of each subscription: topic, type of a data message with its header, (N,) places
+    topics: list[tuple[str, "np.dtype[np.void]", NDArray[np.int64]]]
+    others: NDArray[np.int64]  # places of all messages that are no data
+
+
 def instance(topic: str, number: int) -> str:
     """Name of the table of a topic's instance."""
     return f"{topic}/{number}"
@@ -134,6 +143,13 @@ def read_ulog(path: Path) -> ULogFile:
     if not is_ulog(data) or len(data) < FILE_HEADER.size:
         raise BadInput(f"{path}: not a ULog file; expected one that begins with ULog and a header")
     return _Chain(data).follow()
+
+
+def ulog_layout(data: bytes | mmap) -> ULogLayout:
+    """Where the messages of a file are, as far as they can be read."""
+    chain = _Chain(data)
+    chain.follow()
+    return chain.layout()
 
 
 class _Formats:
@@ -239,8 +255,9 @@ class _Subscription(NamedTuple):
 class _Chain:
     """Follows the messages of a file."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | mmap) -> None:
         self._data = data
+        self._others = array("q")
         self._formats = _Formats()
         self._subscriptions: dict[int, _Subscription] = {}
         # By number: least and largest size, and what takes the place of a message.
@@ -272,6 +289,15 @@ class _Chain:
         tables = LogTables(self._sources(), dict(self._notes))
         return self._file._replace(tables=tables)
 
+    def layout(self) -> ULogLayout:
+        """Where the messages are that were followed."""
+        topics = []
+        for topic in self._subscriptions.values():
+            row = self._formats.row(topic.topic)
+            if row is not None and topic.places:
+                topics.append((topic.topic, row, np.array(topic.places, np.int64)))
+        return ULogLayout(topics, np.array(self._others, np.int64))
+
     def _appended(self) -> list[int]:
         """The places of appended data; the flags, if any, are the first message."""
         data, place = self._data, FILE_HEADER.size
@@ -296,6 +322,7 @@ class _Chain:
             size, kind = data[place] | data[place + 1] << 8, data[place + 2]
             following = place + HEADER_BYTES + size
             if kind != DATA and following <= end and self._may_be_message(place):
+                self._others.append(place)
                 handler = handlers.get(kind)
                 if handler is not None:
                     handler(place, data[place + HEADER_BYTES : following])

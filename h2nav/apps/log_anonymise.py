@@ -1,0 +1,246 @@
+"""`h2nav log anonymise`: a log that may be shown to others, with its physics kept."""
+
+import argparse
+import secrets
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from h2nav.apps import playback
+from h2nav.apps.json_output import print_json
+from h2nav.apps.log_progress import byte_bar
+from h2nav.errors import BadInput
+
+if TYPE_CHECKING:
+    from h2nav.recordings.anonymous import Coordinates, Replacement
+    from h2nav.recordings.anonymous_logs import Counted
+
+_CLOSING = """\
+The flight is moved, not turned, to another place with the earth's field and the gravity of the old
+one, so that everything in the log still fits together; --to and --far give that up. Altitudes,
+headings, velocities, the shape of the way, times since boot and the time of the week stay. Dates go
+back by some weeks. Ids of processors become pseudonyms; paths, addresses and coordinates in texts
+lose their letters and digits; counters, serial numbers and network parameters become 0; raw data of
+receivers, other vehicles, files and tunnels are removed, and so are bytes that belong to no
+message. Signatures of MAVLink frames are dropped.
+
+The new file is searched for the old coordinates and ids, and both are reviewed: the findings have
+to be the same. Look at it yourself before you publish it: who knows the way and the vehicle still
+knows the flight.
+
+FILE is a dataflash log (.bin), a ULog file (.ulg), a telemetry log (.tlog) or raw MAVLink. Of our
+own log make one first: h2nav log export FILE.mcap --to tlog -o FILE.tlog
+
+exit status: 1 if something remained or the findings differ; the new file is kept."""
+# Findings of both reviews are the same within this.
+SAME_S = 0.5
+# Weeks by which dates go back.
+MOST_WEEKS = 200
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """See `h2nav.cli.COMMANDS`."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _CLOSING
+    parser.add_argument("log", type=Path, metavar="FILE", help="a recording")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="the new file"
+    )
+    parser.add_argument("--to", metavar="LAT,LON", help="where the flight goes, degrees")
+    parser.add_argument(
+        "--far", action="store_true", help="a random place anywhere; its field is another one"
+    )
+    parser.add_argument("--keep-date", action="store_true", help="dates stay as they are")
+    parser.add_argument(
+        "--no-check", action="store_true", help="do not review both files (the bytes are searched)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """See `h2nav.cli.COMMANDS`."""
+    from h2nav.recordings.anonymous import Replacement
+
+    if args.to is not None and args.far:
+        raise BadInput("--to and --far: both choose the place; leave one of them out")
+    if args.output.exists():
+        raise BadInput(f"{args.output}: exists; name another file with -o")
+    kind = _kind(args.log)
+    fixes, unix_s = _facts(kind, args.log)
+    origin = fixes[0] if fixes else None
+    weeks = 0 if args.keep_date else 1 + secrets.randbelow(MOST_WEEKS)
+    target = _target(args, origin, unix_s)
+    by = Replacement(origin, target, weeks, secrets.token_bytes(32))
+    try:
+        with byte_bar("anonymising") as progress:
+            counted, signatures = _written(kind, args.log, args.output, by, progress)
+    except OSError as error:
+        raise BadInput(
+            f"{error.filename or args.output}: {error.strerror}; name a place that can be written"
+        ) from error
+    found = _checked(args, fixes)
+    document = {
+        "path": str(args.output),
+        "moved": origin is not None,
+        "weeks": weeks,
+        "replaced": counted._asdict(),
+        "signatures_dropped": signatures,
+        **found,
+    }
+    if args.json:
+        print_json(document)
+    else:
+        _show(document)
+    is_good = not found["remains"] and not found["differences"]
+    return 0 if is_good else 1
+
+
+def _kind(path: Path) -> str:
+    from h2nav.recordings.dataflash_tables import FMT_OF_FMT, is_dataflash
+    from h2nav.recordings.opening import PROBE_BYTES
+    from h2nav.recordings.recording import McapRecording, open_recording
+    from h2nav.recordings.ulog_tables import is_ulog
+
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(PROBE_BYTES)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+    if is_ulog(start):
+        return "ulog"
+    if FMT_OF_FMT in start:
+        return "dataflash"
+    if is_dataflash(start):
+        raise BadInput(f"{path}: a dataflash log as text; expected the binary one (.bin)")
+    if isinstance(open_recording(path), McapRecording):
+        raise BadInput(
+            f"{path}: is an MCAP file; make a telemetry log of it first: "
+            f"h2nav log export {path} --to tlog -o {path.stem}.tlog"
+        )
+    return "frames"
+
+
+def _facts(kind: str, path: Path) -> "tuple[list[Coordinates], float | None]":
+    """Some fixes of the recording, the first one first, and its date."""
+    from h2nav.recordings.anonymous_frames import frame_facts
+    from h2nav.recordings.anonymous_logs import dataflash_facts, ulog_facts
+    from h2nav.recordings.recording import open_recording
+
+    if kind == "frames":
+        return frame_facts(open_recording(path))
+    return dataflash_facts(path) if kind == "dataflash" else ulog_facts(path)
+
+
+def _target(
+    args: argparse.Namespace, origin: "Coordinates | None", unix_s: float | None
+) -> "Coordinates":
+    from h2nav.recordings.anonymous import Coordinates
+    from h2nav.recordings.anonymous_place import random_place, similar_place
+
+    if args.to is not None:
+        return _place(args.to)
+    if origin is None:
+        return Coordinates(0.0, 0.0)
+    seed = secrets.randbits(64)
+    if args.far:
+        return random_place(origin, seed)
+    return similar_place(origin, 0.0, 0.0 if unix_s is None else unix_s, seed)
+
+
+def _place(text: str) -> "Coordinates":
+    from h2nav.recordings.anonymous import Coordinates
+
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadInput(f"--to {text}: expected LAT,LON in degrees, such as 47.4,8.5") from None
+    if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):
+        raise BadInput(f"--to {text}: expected at most 89 and 180 degrees")
+    return Coordinates(latitude, longitude)
+
+
+def _written(
+    kind: str, path: Path, output: Path, by: "Replacement", progress: Any
+) -> "tuple[Counted, int]":
+    from h2nav.recordings.anonymous_frames import anonymise_frames
+    from h2nav.recordings.anonymous_logs import anonymise_dataflash, anonymise_ulog
+    from h2nav.recordings.recording import open_recording
+
+    if kind == "frames":
+        return anonymise_frames(open_recording(path), output, by, progress)
+    write = anonymise_dataflash if kind == "dataflash" else anonymise_ulog
+    return write(path, output, by, progress), 0
+
+
+# --- the check ----------------------------------------------------------------------------------
+
+
+def _checked(args: argparse.Namespace, fixes: "list[Coordinates]") -> dict[str, Any]:
+    """What remained, and how the findings differ; null where that was not looked at."""
+    from h2nav.recordings.anonymous_check import remains
+
+    if args.no_check:
+        return {"remains": remains(args.output, fixes, ()), "differences": None, "findings": None}
+    old, new = (_reviewed(path) for path in (args.log, args.output))
+    names = [name for name in (old["airframe"]["uid"],) if name]
+    found = remains(args.output, fixes, names)
+    return {
+        "remains": found,
+        "findings": len(old["findings"]),
+        "differences": differences(old["findings"], new["findings"]),
+    }
+
+
+def _reviewed(path: Path) -> dict[str, Any]:
+    from h2nav.apps.reviewing import review
+    from h2nav.recordings.opening import open_flight
+    from h2nav.reviews.document import document
+
+    with byte_bar(f"reviewing {path.name}") as progress:
+        wished = playback.Wishes()
+        return document(*review(open_flight(path), wished, smooths=False, progress=progress))
+
+
+def differences(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[str]:
+    """Findings that only one of two reviews has, one phrase each."""
+    left = list(new)
+    missing = []
+    for one in old:
+        same = next((each for each in left if _is_same(one, each)), None)
+        if same is None:
+            missing.append(one)
+        else:
+            left.remove(same)
+    return [
+        *(f"no longer found: {_phrase(one)}" for one in missing),
+        *(f"newly found: {_phrase(one)}" for one in left),
+    ]
+
+
+def _is_same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    names = ("kind", "source", "severity")
+    is_alike = all(one[name] == other[name] for name in names)
+    return is_alike and all(abs(one[name] - other[name]) <= SAME_S for name in ("from_s", "to_s"))
+
+
+def _phrase(one: dict[str, Any]) -> str:
+    return f"{one['severity']}: {one['from_s']:.1f} s: {one['source']}: {one['text']}"
+
+
+def _show(document: dict[str, Any]) -> None:
+    replaced = Counter(document["replaced"])
+    parts = [f"{count} {name.replace('_', ' ')}" for name, count in replaced.items() if count]
+    print(f"{document['path']}: {', '.join(parts) or 'nothing'} replaced or removed")
+    if not document["moved"]:
+        print("it holds no position, so nothing was moved")
+    if document["signatures_dropped"]:
+        print(f"{document['signatures_dropped']} frames were signed: their signatures are dropped")
+    for line in document["remains"]:
+        print(f"h2nav: remained: {line}", file=sys.stderr)
+    if document["differences"] is None:
+        print("not reviewed")
+    elif not document["differences"]:
+        print(f"the reviews of both have the same findings ({document['findings']})")
+    for line in document["differences"] or ():
+        print(f"h2nav: {line}", file=sys.stderr)
