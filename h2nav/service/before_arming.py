@@ -79,11 +79,13 @@ def _is_named(alarm: Alarm, named: frozenset[str]) -> bool:
     words = [part.partition(" ")[0] for part in named]
     if any(alarm.kind in CONSEQUENCES.get(word, ()) for word in words):
         return True
-    kind, number = alarm.sensor.kind, alarm.sensor.number
+    kind, numbers = alarm.sensor.kind, alarm.sensor.numbers
     # Of an IMU, the kind of the alarm tells the sensor.
     is_imu = kind is SensorKind.IMU
     names = [w for w in words if alarm.kind.value.startswith(w)] if is_imu else [kind.value]
-    return any((name if number is None else f"{name} {number}") in named for name in names)
+    if not numbers:
+        return any(name in named for name in names)
+    return any(f"{name} {number}" in named for name in names for number in numbers)
 
 
 class BeforeArming:

@@ -56,7 +56,6 @@ class Intake:
 
     Attributes:
         newest_us: time of the newest sample of this epoch; None before the first.
-        is_left: the autopilot flies on another IMU, whose samples HIGHRES_IMU shows.
     """
 
     def __init__(self, messages: LaneMessages, autopilot: int, *, lends: bool) -> None:
@@ -64,6 +63,8 @@ class Intake:
         self._autopilot = autopilot
         self._choice = ImuChoice(message_ids)
         self._ids = {*message_ids, CALIBRATED_ID}
+        # Whether both messages that tell whose samples HIGHRES_IMU has may feed the lane.
+        self._can_identify = not self._takes_others and {ANYONES_ID, FIRST_ID} <= {*message_ids}
         self._fields = FieldSource(autopilot, lends=lends)
         self._identity = ImuIdentity()
         self._clock: SampleClock | None = None
@@ -72,12 +73,18 @@ class Intake:
         self._contested_line: int | None = None
         self._contested_ns: int | None = None
         self.newest_us: int | None = None
-        self.is_left = False
+        self._is_left = False
 
     @property
     def message(self) -> ImuMessage | None:
         """The message in use."""
         return self._choice.chosen
+
+    @property
+    def is_left(self) -> bool:
+        """Whether the autopilot flies on another IMU, whose samples HIGHRES_IMU shows."""
+        row = self._choice.chosen
+        return self._is_left and row is not None and row.message_id == FIRST_ID
 
     @property
     def field_is_raw(self) -> bool:
@@ -121,7 +128,7 @@ class Intake:
 
     def _may_identify(self, message_id: int) -> bool:
         """Whether a message shows whose samples HIGHRES_IMU has, beside the one in use."""
-        if self._takes_others or not {ANYONES_ID, FIRST_ID} <= self._ids:
+        if not self._can_identify:
             return False
         row = self._choice.chosen
         chosen_id = None if row is None else row.message_id
@@ -151,19 +158,19 @@ class Intake:
     def _only_identifies(self, incoming: Incoming, need: Need) -> bool:
         """Whether a reading is no sample, because it is another IMU's or beside the one in use."""
         t_ns, message_id, reading, _ = incoming
-        if message_id not in (ANYONES_ID, FIRST_ID) or self._takes_others:
+        if message_id not in (ANYONES_ID, FIRST_ID) or not self._can_identify:
             return False
         shown = self._identity.take(t_ns, message_id, reading, is_sample=need is Need.SAMPLE)
         row = self._choice.chosen
         chosen_id = None if row is None else row.message_id
         names_another = message_id == ANYONES_ID and reading.imu not in (None, self._imu)
-        self.is_left |= names_another or shown is Shown.ANOTHER
+        self._is_left |= names_another or shown is Shown.ANOTHER
         if shown is Shown.ANOTHER and chosen_id == ANYONES_ID:
             self._choice.prefer(FIRST_ID, t_ns)
             return True
         if shown is Shown.FIRST and chosen_id == FIRST_ID:
             self._choice.prefer(ANYONES_ID, t_ns)
-            self.is_left = False
+            self._is_left = False
             return True
         return need is Need.IDENTITY
 

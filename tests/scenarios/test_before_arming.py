@@ -9,6 +9,7 @@ from simulated_flight import SIMULATED, SimulatedFlight
 from h2nav.integrity.preflight import Item
 from h2nav.service.effects import Send
 from h2nav.service.settings import OutputSettings
+from h2nav.sim.personalities import ARDUPLANE
 from h2nav.wire.questions import Command
 from h2nav.wire.readers import Envelope
 
@@ -192,6 +193,15 @@ def test_of_three_imus_the_wrong_sensor_alone_is_the_reason(fault, said):
     assert not flight.pipeline.service.reasons_not_to_arm
     (reason,) = flight.run(LATER_S + 3.2).pipeline.service.reasons_not_to_arm
     assert said in reason
+
+
+def test_a_plane_goes_on_with_its_second_imu_at_once():
+    """At 40 Hz, fewer than are wanted."""
+    faults = (f"imu-frozen@{LATER_S:g}",)
+    flight = SimulatedFlight("rest", imus=2, faults=faults, personality=ARDUPLANE)
+    assert flight.run(LATER_S + 1.0).first("IMU 2 instead of 1: the autopilot has left it")
+    (reason,) = flight.run(LATER_S + 3.2).pipeline.service.reasons_not_to_arm
+    assert reason == "IMU 1: whole IMU is frozen"
 
 
 def test_a_compass_that_the_autopilot_does_not_use_is_no_reason():
