@@ -25,6 +25,7 @@ class KernelFiles(NamedTuple):
 
 
 _PARAMETERS = ("velocity_aided/parameters.py",)
+_UNITS = "velocity_aided/integer/units.py"
 _SHARED = ("integer/triad.py", "integer/motion.py")
 
 
@@ -34,20 +35,13 @@ def _kernel(folder: str, *names: str) -> tuple[str, ...]:
 
 VELOCITY_AIDED = KernelFiles(
     "velocity_aided",
-    _kernel(
-        "velocity_aided",
-        *(
-            "field_offset",
-            "prediction",
-            "theta",
-            "aiding",
-            "tilt",
-            "velocity",
-            "heading",
-            "rest",
-            "estimate",
+    (
+        _UNITS,
+        *_kernel(
+            "velocity_aided",
+            *("field_offset", "prediction", "theta", "aiding", "tilt", "velocity", "heading"),
+            *("rest", "estimate", "step"),
         ),
-        "step",
     ),
     "step",
     declared=_PARAMETERS,
@@ -58,12 +52,22 @@ VELOCITY_AIDED_INTEGER = KernelFiles(
         *_SHARED,
         *_kernel(
             "velocity_aided/integer",
-            *("functions", "theta", "aiding", "tilt", "velocity", "fixes", "heading", "start"),
+            *(
+                "functions",
+                "derived",
+                "theta",
+                "aiding",
+                "tilt",
+                "velocity",
+                "fixes",
+                "heading",
+                "start",
+            ),
             *("frame", "step"),
         ),
     ),
     "update",
-    declared=_PARAMETERS,
+    declared=(*_PARAMETERS, _UNITS, "velocity_aided/integer/shared.py", "velocity_aided/memory.py"),
 )
 CONSTANT_GAIN = KernelFiles(
     "constant_gain", (*_SHARED, *_kernel("constant_gain", "step")), "update"

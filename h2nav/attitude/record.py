@@ -21,6 +21,17 @@ Number = float | int
 R = TypeVar("R")
 
 
+class Grid(NamedTuple):
+    """The integers that stand for the numbers of a float field: each for itself times the step."""
+
+    step: float  # in the field's unit
+    low: int  # lowest integer
+    high: int  # highest integer, included
+    saturates: bool = False  # what would leave the range stays at its end; else nothing leaves it
+    q: int = 0  # fraction bits: the step is `per` 2^-q
+    per: float = 1.0  # what 2^q stands for, in the field's unit
+
+
 class Row(NamedTuple):
     """One field of a record."""
 
@@ -31,6 +42,8 @@ class Row(NamedTuple):
     unit: str  # of the value; plain for a number without one
     about: str  # its meaning
     q: int = 0  # fraction bits of an integer, which represents value 2^-q
+    # of a float: its form in integers, one for all numbers or one for each; empty if it has none
+    grids: tuple[Grid, ...] = ()
 
     @property
     def length(self) -> int:
@@ -47,15 +60,33 @@ class Row(NamedTuple):
         return to_fixed(value, self.q, *self.range)
 
 
-def real(unit: str, about: str) -> Any:
-    """A field that is one float."""
-    return field(default=0.0, metadata={"row": Row("", None, None, unit, about)})
+# Fraction bits q of the integers of a float field; what 2^q stands for, in the field's unit (or one
+# such number for each element); in that, the lowest value and what nothing reaches.
+Form = tuple[int, float | tuple[float, ...], float, float]
 
 
-def reals(size: int, unit: str, about: str) -> Any:
-    """A field that is a list of floats."""
-    made = Row("", size, None, unit, about)
+def real(unit: str, about: str, form: Form | None = None) -> Any:
+    """A field that is one float; in integers it has this form, and saturates at its ends."""
+    made = Row("", None, None, unit, about, grids=grids_of(form))
+    return field(default=0.0, metadata={"row": made})
+
+
+def reals(size: int, unit: str, about: str, form: Form | None = None) -> Any:
+    """A field that is a list of floats; see `real`."""
+    made = Row("", size, None, unit, about, grids=grids_of(form))
     return field(default_factory=lambda: [0.0] * size, metadata={"row": made})
+
+
+def grids_of(form: Form | None, *, saturates: bool = True) -> tuple[Grid, ...]:
+    """The integers of a form: one, or one for each element."""
+    if form is None:
+        return ()
+    q, units, low, limit = form
+    ends = round(low * 2.0**q), round(limit * 2.0**q) - 1
+    if ends[0] == -ends[1] - 1:
+        ends = -ends[1], ends[1]
+    each = units if isinstance(units, tuple) else (units,)
+    return tuple(Grid(per / 2.0**q, *ends, saturates, q, per) for per in each)
 
 
 def integer(low: int, high: int, unit: str, about: str, q: int = 0) -> Any:
@@ -140,12 +171,29 @@ def _check(field_row: Row, part: Sequence[Number]) -> None:
 
 
 def with_rows(record_type: type[R], more: Sequence[Row]) -> type[R]:
-    """The record with additional fields, each a single number, before its own."""
-    first = [(row.name, Any, field(default=0, metadata={"row": row})) for row in more]
+    """The record with additional fields before its own."""
+    first = [(row.name, Any, _again(_made(row))) for row in more]
     own = [(made.name, Any, _again(made)) for made in fields(cast(Any, record_type))]
     names = {"__doc__": record_type.__doc__, "__module__": record_type.__module__}
     made_type = make_dataclass(record_type.__name__, [*first, *own], namespace=names, slots=True)
     return cast("type[R]", made_type)
+
+
+def _made(row: Row) -> "Field[Any]":
+    size = row.size
+    if size is None:
+        return cast("Field[Any]", field(default=0, metadata={"row": row}))
+    return cast("Field[Any]", field(default_factory=lambda: [0] * size, metadata={"row": row}))
+
+
+def integer_row(row: Row) -> Row:
+    """The integer field of the same name that stands for a float field with a declared form."""
+    grid = row.grids[0]
+    units = [f"{one.per:.6g} {row.unit}".strip() for one in row.grids]
+    unit = row.unit if grid.per == 1.0 else units[0]
+    if len(set(units)) > 1:
+        unit = f"{units[0]}; the last {units[-1]}"
+    return Row(row.name, row.size, (grid.low, grid.high), unit, row.about, grid.q)
 
 
 def _again(made: "Field[Any]") -> Any:

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from h2nav.attitude import record
 from h2nav.attitude.record import Row
-from h2nav.attitude.velocity_aided.parameters import ROWS_OF_DECORATORS
+from h2nav.attitude.velocity_aided.integer.shared import SHARED_ROWS
+from h2nav.attitude.velocity_aided.parameters import ROWS_OF_DECORATORS as PARAMETER_ROWS
 from h2nav.errors import BadInput
 
 Number = int | float
@@ -22,9 +23,12 @@ INTRINSIC_MODULES = (
     "dataclasses",
     "typing",
     "h2nav.attitude.record",
+    "h2nav.attitude.velocity_aided.integer.shared",
+    "h2nav.attitude.velocity_aided.integer.shared_fields",
     "h2nav.attitude.velocity_aided.parameters",
     "h2nav.maths.fixedpoint",
 )
+ROWS_OF_DECORATORS = {**PARAMETER_ROWS, **SHARED_ROWS}
 ROW_MAKERS: dict[str, Callable[..., Any]] = {
     maker.__name__: maker for maker in (record.real, record.reals, record.integer, record.integers)
 }
@@ -246,6 +250,8 @@ def _binary(path: str, node: ast.expr, operator: ast.operator, a: Number, b: Num
             return a * b
         case ast.Div():
             return a / b
+        case ast.Pow() if isinstance(a, float):
+            return float(a**b)
     if isinstance(a, int) and isinstance(b, int):
         match operator:
             case ast.FloorDiv():

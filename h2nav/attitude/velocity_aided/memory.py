@@ -4,6 +4,8 @@ Frames: body forward-right-down; n is local north-east-down with true north. Vel
 by gravity, so that their unit is the second. Fields are in one unit throughout. theta is the state
 of the second stage: the errors of the three gyro biases (rad/s) and of the heading (rad).
 
+A row that ends with a form says which integers stand for the field in the other arithmetic.
+
 Equations: docs/filter.md.
 """
 
@@ -13,6 +15,8 @@ from typing import TYPE_CHECKING
 from h2nav.attitude.record import real, reals
 from h2nav.attitude.velocity_aided.parameters import in_floats
 
+from .integer.units import ACCEL_UNIT_G, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD
+
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
 MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
@@ -21,6 +25,29 @@ TURNABLE = 3.0  # the same: on the ground, but motors run
 FORCE_LOST = 2.0  # in `Sample.clipped`: the rate is sure, and there is no force
 OLDEST_FIELD = 1.0  # s: the longest time that a field stands for
 HEADING_LOST = -2.0  # as mag_accepted_age_s: the next field gives the heading, whatever its dip
+
+# Forms in integers (`record.Form`). The covariances of theta and of the accelerometer's bias are in
+# units of these, so that all of them span the same decades.
+_B = BIAS_UNIT_RAD_S
+_H = HEADING_UNIT_RAD
+_A = ACCEL_UNIT_G
+_LEAST = 2.0**-20  # a variance stays positive: a filter that is certain learns nothing
+BIAS_VARIANCE = (28, _B * _B, _LEAST, 4.0)
+BIAS_COVARIANCE = (28, _B * _B, -4.0, 4.0)
+BIAS_HEADING = (28, _B * _H, -4.0, 4.0)
+HEADING_VARIANCE = (28, _H * _H, _LEAST, 4.0)
+BIAS_SUM = (28, _B, -2.0, 2.0)
+BIAS_SUM_VARIANCE = (28, _B * _B, 0.0, 4.0)
+BIAS_WALK = (28, _B * _B, 0.0, 0.01)  # five times the fastest warm-up of a MEMS gyro
+TILT_BY_THETA = (28, (1.0 / _B, 1.0 / _B, 1.0 / _B, 1.0 / _H), -4.0, 4.0)
+VELOCITY_BY_THETA = (24, (1.0 / _B, 1.0 / _B, 1.0 / _B, 1.0 / _H), -64.0, 64.0)
+ACCEL_BIAS = (28, _A, -4.0, 4.0)
+ACCEL_COVARIANCE = (28, _A * _A, -4.0, 4.0)
+ACCEL_THETA = (28, (_A * _B, _A * _B, _A * _B, _A * _H), -4.0, 4.0)
+TILT_BY_ACCEL = (28, 1.0 / _A, -4.0, 4.0)
+VELOCITY_BY_ACCEL = (24, 1.0 / _A, -64.0, 64.0)
+LAG_VARIANCE = (30, 1.0, 0.0, 0.5)
+BY_LAG = (24, 1.0, -64.0, 64.0)
 
 # bits of a step's result
 FORCE_USED = 1
@@ -41,26 +68,34 @@ class State:
     gyro_bias: list[float] = reals(3, "rad/s", "gyro bias")
     velocity_n: float = real("s", "velocity north over gravity")
     velocity_e: float = real("s", "velocity east over gravity")
-    dtilt_n: list[float] = reals(4, "", "sensitivity of the tilt north to theta")
-    dtilt_e: list[float] = reals(4, "", "sensitivity of the tilt east to theta")
-    dvelocity_n: list[float] = reals(4, "", "sensitivity of the velocity north to theta")
-    dvelocity_e: list[float] = reals(4, "", "sensitivity of the velocity east to theta")
-    p_xx: float = real("(rad/s)^2", "variance of the bias x")
-    p_xy: float = real("(rad/s)^2", "covariance of the biases x and y")
-    p_xz: float = real("(rad/s)^2", "covariance of the biases x and z")
-    p_xh: float = real("rad^2/s", "covariance of the bias x and the heading")
-    p_yy: float = real("(rad/s)^2", "variance of the bias y")
-    p_yz: float = real("(rad/s)^2", "covariance of the biases y and z")
-    p_yh: float = real("rad^2/s", "covariance of the bias y and the heading")
-    p_zz: float = real("(rad/s)^2", "variance of the bias z")
-    p_zh: float = real("rad^2/s", "covariance of the bias z and the heading")
-    heading_variance: float = real("rad^2", "variance of the heading")
-    bias_moved: list[float] = reals(3, "rad/s", "corrections of the gyro bias of late, summed")
-    bias_trend: list[float] = reals(3, "rad/s", "the same, low-passed")
-    bias_expected: list[float] = reals(
-        3, "(rad/s)^2", "variance of that sum if the bias walks as usual"
+    dtilt_n: list[float] = reals(4, "", "sensitivity of the tilt north to theta", TILT_BY_THETA)
+    dtilt_e: list[float] = reals(4, "", "sensitivity of the tilt east to theta", TILT_BY_THETA)
+    dvelocity_n: list[float] = reals(
+        4, "", "sensitivity of the velocity north to theta", VELOCITY_BY_THETA
     )
-    bias_walk: list[float] = reals(3, "rad^2/s^3", "walk of the gyro bias beyond the usual")
+    dvelocity_e: list[float] = reals(
+        4, "", "sensitivity of the velocity east to theta", VELOCITY_BY_THETA
+    )
+    p_xx: float = real("(rad/s)^2", "variance of the bias x", BIAS_VARIANCE)
+    p_xy: float = real("(rad/s)^2", "covariance of the biases x and y", BIAS_COVARIANCE)
+    p_xz: float = real("(rad/s)^2", "covariance of the biases x and z", BIAS_COVARIANCE)
+    p_xh: float = real("rad^2/s", "covariance of the bias x and the heading", BIAS_HEADING)
+    p_yy: float = real("(rad/s)^2", "variance of the bias y", BIAS_VARIANCE)
+    p_yz: float = real("(rad/s)^2", "covariance of the biases y and z", BIAS_COVARIANCE)
+    p_yh: float = real("rad^2/s", "covariance of the bias y and the heading", BIAS_HEADING)
+    p_zz: float = real("(rad/s)^2", "variance of the bias z", BIAS_VARIANCE)
+    p_zh: float = real("rad^2/s", "covariance of the bias z and the heading", BIAS_HEADING)
+    heading_variance: float = real("rad^2", "variance of the heading", HEADING_VARIANCE)
+    bias_moved: list[float] = reals(
+        3, "rad/s", "corrections of the gyro bias of late, summed", BIAS_SUM
+    )
+    bias_trend: list[float] = reals(3, "rad/s", "the same, low-passed", BIAS_SUM)
+    bias_expected: list[float] = reals(
+        3, "(rad/s)^2", "variance of that sum if the bias walks as usual", BIAS_SUM_VARIANCE
+    )
+    bias_walk: list[float] = reals(
+        3, "rad^2/s^3", "walk of the gyro bias beyond the usual", BIAS_WALK
+    )
     turning: float = real("(rad/s)^2", "mean square of the angular rate")
     innovation_power: float = real("s^2", "mean square of the velocity innovation")
     innovation_mean_n: float = real("s", "slow mean of the velocity innovation, north")
@@ -130,21 +165,33 @@ class State:
     accel_last: list[float] = reals(3, "m/s^2", "force of the sample before")
     accel_step: list[float] = reals(3, "m/s^2", "change of the force to that sample")
     accel_jitter: float = real("m^2/s^3", "density of the force's noise, squared")
-    accel_bias: list[float] = reals(2, "g", "bias of the accelerometer, body x and y")
-    dtilt_accel_n: list[float] = reals(2, "", "sensitivity of the tilt north to that bias")
-    dtilt_accel_e: list[float] = reals(2, "", "sensitivity of the tilt east to that bias")
-    dvelocity_accel_n: list[float] = reals(2, "s", "sensitivity of the velocity north to that bias")
-    dvelocity_accel_e: list[float] = reals(2, "s", "sensitivity of the velocity east to that bias")
-    p_accel: list[float] = reals(3, "g^2", "that bias's covariance: xx, xy, yy; 0: not yet learnt")
-    p_accel_x: list[float] = reals(4, "", "covariance of theta with the bias x")
-    p_accel_y: list[float] = reals(4, "", "covariance of theta with the bias y")
+    accel_bias: list[float] = reals(2, "g", "bias of the accelerometer, body x and y", ACCEL_BIAS)
+    dtilt_accel_n: list[float] = reals(
+        2, "", "sensitivity of the tilt north to that bias", TILT_BY_ACCEL
+    )
+    dtilt_accel_e: list[float] = reals(
+        2, "", "sensitivity of the tilt east to that bias", TILT_BY_ACCEL
+    )
+    dvelocity_accel_n: list[float] = reals(
+        2, "s", "sensitivity of the velocity north to that bias", VELOCITY_BY_ACCEL
+    )
+    dvelocity_accel_e: list[float] = reals(
+        2, "s", "sensitivity of the velocity east to that bias", VELOCITY_BY_ACCEL
+    )
+    p_accel: list[float] = reals(
+        3, "g^2", "that bias's covariance: xx, xy, yy; 0: not yet learnt", ACCEL_COVARIANCE
+    )
+    p_accel_x: list[float] = reals(4, "", "covariance of theta with the bias x", ACCEL_THETA)
+    p_accel_y: list[float] = reals(4, "", "covariance of theta with the bias y", ACCEL_THETA)
     p_accel_offset: list[float] = reals(6, "", "of the field's offset x, y, z with bias x, then y")
     fix_period_s: float = real("s", "time between fixes as last used")
     fix_lag_s: float = real("s", "how late the fixes are, beyond their stamps")
-    fix_lag_variance: float = real("s^2", "variance of the fixes' latency")
-    dtilt_lag: list[float] = reals(2, "1/s", "sensitivity of the tilt to that latency, north, east")
+    fix_lag_variance: float = real("s^2", "variance of the fixes' latency", LAG_VARIANCE)
+    dtilt_lag: list[float] = reals(
+        2, "1/s", "sensitivity of the tilt to that latency, north, east", BY_LAG
+    )
     dvelocity_lag: list[float] = reals(
-        2, "", "sensitivity of the velocity to that latency, north, east"
+        2, "", "sensitivity of the velocity to that latency, north, east", BY_LAG
     )
     fix_mean_n: float = real("s", "low-passed innovation of the fixes north")
     fix_mean_e: float = real("s", "low-passed innovation of the fixes east")

@@ -5,7 +5,8 @@ unit is the second. theta is the state of the second stage: the errors of the th
 of 2e6 2^-27 rad/s, and of the heading, in units of 0.5 rad. Logarithms are to base two, with 8
 fraction bits.
 
-Formats: docs/fixed-point.md.
+Fields that the floats have, too, are declared there (`velocity_aided/memory.py`), with their form
+in integers; here are those of this arithmetic alone. Formats: docs/fixed-point.md.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from typing import TYPE_CHECKING
 from h2nav.attitude.integer.motion import BIAS_BITS, BIAS_LIMIT, CARRY_LIMIT, MOST_DT_US, RATE_LIMIT
 from h2nav.attitude.integer.triad import Q_LIMIT
 from h2nav.attitude.record import integer, integers
+from h2nav.attitude.velocity_aided.integer.shared import of_floats
+from h2nav.attitude.velocity_aided.integer.shared_fields import SharedFields
 from h2nav.attitude.velocity_aided.parameters import in_integers
 from h2nav.maths.fixedpoint import I32
 
@@ -60,9 +63,10 @@ PACKED_MOST = (32767 << 5) + 31
 SHIFT_MOST = 31
 
 
+@of_floats
 @dataclass(slots=True)
-class State:
-    """The filter's whole memory."""
+class State(SharedFields):
+    """The filter's whole memory: the fields shared with the floats, and its own."""
 
     q_nb: list[I32] = integers(4, -Q_LIMIT, Q_LIMIT, "", "attitude, body to n, scalar first", q=29)
     gyro_bias: list[I32] = integers(
@@ -78,30 +82,6 @@ class State:
     saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
     velocity_n: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "velocity north", q=24)
     velocity_e: I32 = integer(-VELOCITY_MOST, VELOCITY_MOST, "s", "velocity east", q=24)
-    dtilt_n: list[I32] = integers(
-        4, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt north to theta", q=28
-    )
-    dtilt_e: list[I32] = integers(
-        4, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt east to theta", q=28
-    )
-    dvelocity_n: list[I32] = integers(
-        4, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity north to theta", q=24
-    )
-    dvelocity_e: list[I32] = integers(
-        4, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity east to theta", q=24
-    )
-    p_xx: I32 = integer(VARIANCE_LEAST, THETA_MOST, "", "variance of the bias x", q=28)
-    p_xy: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of the biases x and y", q=28)
-    p_xz: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of the biases x and z", q=28)
-    p_xh: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of bias x and heading", q=28)
-    p_yy: I32 = integer(VARIANCE_LEAST, THETA_MOST, "", "variance of the bias y", q=28)
-    p_yz: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of the biases y and z", q=28)
-    p_yh: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of bias y and heading", q=28)
-    p_zz: I32 = integer(VARIANCE_LEAST, THETA_MOST, "", "variance of the bias z", q=28)
-    p_zh: I32 = integer(-THETA_MOST, THETA_MOST, "", "covariance of bias z and heading", q=28)
-    heading_variance: I32 = integer(
-        VARIANCE_LEAST, THETA_MOST, "0.25 rad^2", "variance of the heading", q=28
-    )
     dtheta: list[I32] = integers(
         4, -THETA_MOST, THETA_MOST, "", "correction of theta that the frame has found", q=28
     )
@@ -285,30 +265,6 @@ class State:
     gain_theta_shift: I32 = integer(0, SHIFT_MOST, "", "what the correction is divided by")
     gain_p_shift: I32 = integer(0, SHIFT_MOST, "", "what the fall of the covariance is divided by")
     fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
-    accel_bias: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "2e6 2^-27 g", "bias of the accelerometer, body x and y", q=28
-    )
-    dtilt_accel_n: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt north to that bias", q=28
-    )
-    dtilt_accel_e: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "rad", "sensitivity of the tilt east to that bias", q=28
-    )
-    dvelocity_accel_n: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity north to it", q=24
-    )
-    dvelocity_accel_e: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "s", "sensitivity of the velocity east to it", q=24
-    )
-    p_accel: list[I32] = integers(
-        3, -THETA_MOST, THETA_MOST, "", "its covariance: xx, xy, yy; 0: not yet learnt", q=28
-    )
-    p_accel_x: list[I32] = integers(
-        4, -THETA_MOST, THETA_MOST, "", "covariance of theta with the bias x", q=28
-    )
-    p_accel_y: list[I32] = integers(
-        4, -THETA_MOST, THETA_MOST, "", "covariance of theta with the bias y", q=28
-    )
     daccel: list[I32] = integers(
         2, -THETA_MOST, THETA_MOST, "", "correction of that bias that the frame has found", q=28
     )
@@ -322,15 +278,6 @@ class State:
         2, -32768, 32767, "", "covariance of that bias with the measurement, scaled as gain_h"
     )
     fix_lag: I32 = integer(0, LATENCY_MOST, "s", "how late fixes are, beyond their stamps", q=30)
-    fix_lag_variance: I32 = integer(
-        0, LATENCY_MOST, "s^2", "variance of that; 0: fixes have never held the filter", q=30
-    )
-    dtilt_lag: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "1/s", "sensitivity of the tilt to it, north and east", q=24
-    )
-    dvelocity_lag: list[I32] = integers(
-        2, -THETA_MOST, THETA_MOST, "", "sensitivity of the velocity to it, north and east", q=24
-    )
     dfix_lag: I32 = integer(
         -LATENCY_MOST, LATENCY_MOST, "s", "correction of it that the frame has found", q=30
     )

@@ -6,12 +6,11 @@ Source: docs/fixed-point.md Eq. (31), (32); docs/filter.md Eq. (33) to (39).
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import LATENCY_MOST, THETA_MOST, VELOCITY_MOST, Gains, State
+from .derived import (
+    level_sensitivities,
+)
 from .functions import bits_of, limited, logarithm, power2, product, shifted
 from .theta import (
-    fade_one,
-    grown,
-    heading_of,
-    heading_turn,
     lowered,
     lowered_variance,
     size_of,
@@ -24,49 +23,19 @@ LAG_VARIANCE_LEAST = 1024  # (1 ms)^2, Q30
 Q26 = 26 << 8
 
 
-def predict_accel(s: State, g: Gains, r: list[I32]) -> None:
-    """Propagates the bias of the accelerometer over one frame.
+def show_accel(s: State, r: list[I32]) -> None:
+    """A tilt taken from a resting accelerometer is wrong by its bias, from the next frame on.
 
-    Source: docs/filter.md Eq. (34), (35).
+    Source: docs/filter.md Eq. (35).
     """
     if s.accel_shows > 0:
-        # a tilt taken from a resting accelerometer is wrong by its bias
         s.accel_shows = 0
-        for i in range(2):
-            s.dtilt_accel_n[i] = in_theta(r[i])
-            s.dtilt_accel_e[i] = in_theta(r[3 + i])
-    by_bias = [0, 0, 0]
-    heading_turn(s, r, by_bias)
-    x = by_bias[0]
-    y = by_bias[1]
-    z = by_bias[2]
-    change = heading_of(s.p_accel_x[0], s.p_accel_x[1], s.p_accel_x[2], x, y, z)
-    s.p_accel_x[3] = limited(s.p_accel_x[3] - change, THETA_MOST)
-    change = heading_of(s.p_accel_y[0], s.p_accel_y[1], s.p_accel_y[2], x, y, z)
-    s.p_accel_y[3] = limited(s.p_accel_y[3] - change, THETA_MOST)
-    if g.accel_variance > 0:
-        walk = (product(g.accel_walk, s.frame_time) >> 2) + 1
-        s.p_accel[0] = grown(s.p_accel[0], walk, g.accel_variance)
-        s.p_accel[2] = grown(s.p_accel[2], walk, g.accel_variance)
-    for i in range(2):
-        carry_accel(s.dtilt_accel_n, s.dvelocity_accel_n, i, r[i], s.frame_time)
-        carry_accel(s.dtilt_accel_e, s.dvelocity_accel_e, i, r[3 + i], s.frame_time)
-
-
-def in_theta(part: I32) -> I32:
-    """One unit of the accelerometer's bias along an axis of n, Q28."""
-    return (part * 15625) >> 7
+        level_sensitivities(s, r)
 
 
 def in_force(bias: I32) -> I32:
     """A bias of the accelerometer as part of a sample's force; its unit is 15625 2^-20 g."""
     return ((bias >> 14) * 15625) >> 14
-
-
-def carry_accel(dtilt: list[I32], dvelocity: list[I32], axis: I32, part: I32, time: I32) -> None:
-    """Propagates the sensitivity of a velocity to one bias of the accelerometer."""
-    seen = limited(dtilt[axis] - in_theta(part), THETA_MOST)
-    dvelocity[axis] = limited(dvelocity[axis] + (product(seen, time) >> 6), THETA_MOST)
 
 
 def find_spread_of_all(s: State, row: list[I32], row_accel: list[I32]) -> I32:
@@ -140,16 +109,6 @@ def use_accel_gain(s: State, learns: I32) -> None:
         s.daccel[1] = limited(s.daccel[1] + (h_y * s.gain_innovation >> shift), THETA_MOST)
 
 
-def fade_accel(s: State) -> None:
-    """Applies the constant gain to the sensitivities to the accelerometer's bias.
-
-    Source: docs/filter.md Eq. (17).
-    """
-    for i in range(2):
-        fade_one(s, s.dtilt_accel_n, s.dvelocity_accel_n, i)
-        fade_one(s, s.dtilt_accel_e, s.dvelocity_accel_e, i)
-
-
 def apply_accel(s: State) -> None:
     """Applies the frame's correction of the accelerometer's bias, and of velocity and tilt by it.
 
@@ -168,19 +127,6 @@ def apply_accel(s: State) -> None:
     north = product(s.dtilt_accel_n[0], x) + product(s.dtilt_accel_n[1], y)
     east = product(s.dtilt_accel_e[0], x) + product(s.dtilt_accel_e[1], y)
     turn(s, shifted(north, 12 - scale), shifted(east, 12 - scale))
-
-
-def predict_lag(s: State, g: Gains) -> None:
-    """Propagates the latency of the fixes over one frame.
-
-    Source: docs/filter.md Eq. (38).
-    """
-    if s.fix_lag_variance < g.fix_lag_variance:
-        walk = (product(g.fix_lag_walk, s.frame_time) >> 2) + 1
-        s.fix_lag_variance = limited(s.fix_lag_variance + walk, LATENCY_MOST)
-    for i in range(2):
-        moved = s.dvelocity_lag[i] + (product(s.dtilt_lag[i], s.frame_time) >> 2)
-        s.dvelocity_lag[i] = limited(moved, THETA_MOST)
 
 
 def find_fix_gain(
@@ -221,23 +167,7 @@ def use_lag_gain(s: State) -> None:
     part = (h * s.gain_inverse + 16384) >> 15
     fall = limited(shifted(h * part, clamp(s.gain_digits - 36 - 2 * scale, -12, 31)), 1 << 30)
     if s.fix_lag_variance > 0:
-        s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_LEAST, LATENCY_MOST)
-
-
-def fade_lag(s: State) -> None:
-    """Applies the constant gain to the sensitivities to the latency.
-
-    Source: docs/filter.md Eq. (38).
-    """
-    accel = [0, 0]
-    accel[0] = s.accel_n
-    accel[1] = s.accel_e
-    for i in range(2):
-        part = limited(s.dvelocity_lag[i] - (accel[i] << 11), THETA_MOST)
-        tilt = s.dtilt_lag[i] - shifted(product(part, s.k_tilt_m), s.k_tilt_s)
-        s.dtilt_lag[i] = limited(tilt, THETA_MOST)
-        velocity = s.dvelocity_lag[i] - shifted(product(part, s.k_velocity_m), s.k_velocity_s)
-        s.dvelocity_lag[i] = limited(velocity, THETA_MOST)
+        s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_LEAST, LATENCY_MOST - 1)
 
 
 def apply_lag(s: State, g: Gains) -> None:

@@ -18,8 +18,13 @@ from ..memory import (
     Sample,
     State,
 )
+from .derived import (
+    forget_velocity,
+)
 from .functions import limited, logarithm, power2, product, shifted
-from .theta import forget_velocity, turn
+from .theta import (
+    turn,
+)
 from .tilt import raise_tilt_sigma
 from .velocity import Q24, density, level_share, raised, select_set, square_of
 

@@ -20,14 +20,21 @@ from ..memory import (
 from .aiding import (
     apply_accel,
     apply_lag,
-    fade_accel,
-    fade_lag,
     find_fix_gain,
     find_spread_of_all,
-    predict_accel,
-    predict_lag,
+    show_accel,
     use_accel_gain,
     use_lag_gain,
+)
+from .derived import (
+    adapt_walk,
+    fade_aiding,
+    fade_theta,
+    follow_bias,
+    predict_accel,
+    predict_covariance,
+    predict_sensitivities,
+    predict_shared,
 )
 from .fixes import apply_fix, choose_fix, judge_fix
 from .functions import limited, product
@@ -42,12 +49,9 @@ from .heading import (
 )
 from .theta import (
     apply_theta,
-    fade,
     fade_tilt_sigma,
     find_gain,
     find_spread,
-    predict_covariance,
-    predict_sensitivities,
     use_gain,
     use_level_gain,
     weigh_gain,
@@ -80,8 +84,9 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
     elif phase == 1:
         predict_sensitivities(s, r)
         if s.aided > 0:
-            predict_lag(s, g)
-            predict_accel(s, g, r)
+            show_accel(s, r)
+            predict_shared(s, g, r)
+            predict_accel(s, r)
     elif phase == 2:
         return judge_velocity(s, g, sample, r)
     elif s.velocity_use == 1:
@@ -99,11 +104,10 @@ def use_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> 
         find_motion_gain(s, g, s.dvelocity_e, s.dvelocity_accel_e, s.innovation_e, 1)
     elif phase == 8:
         if s.velocity_use > 0:
-            fade(s)
+            fade_theta(s)
             fade_tilt_sigma(s)
             if s.velocity_use == 2:
-                fade_lag(s)
-                fade_accel(s)
+                fade_aiding(s)
     elif phase == 9:
         if s.velocity_use == 2:
             apply_lag(s, g)
@@ -161,7 +165,7 @@ def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
         if s.aided > 0:
             use_accel_gain(s, 0)
     elif s.velocity_use == 2:
-        use_gain(s)
+        use_followed_gain(s)
         # until the errors of the start have passed, they would be taken for another's
         if s.age_us > SETTLED_US:
             use_lag_gain(s)
@@ -173,6 +177,23 @@ def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
             use_level_gain(s, r)
         else:
             use_gain(s)
+
+
+def use_followed_gain(s: State) -> None:
+    """Applies a gain, and notes by how much it has corrected the bias.
+
+    Source: docs/filter.md Eq. (74).
+    """
+    step = [0, 0, 0]
+    x = s.p_xx
+    y = s.p_yy
+    z = s.p_zz
+    for i in range(3):
+        step[i] = s.dtheta[i]
+    use_gain(s)
+    for i in range(3):
+        step[i] = limited(s.dtheta[i] - step[i], THETA_MOST)
+    follow_bias(s, step, x, y, z)
 
 
 def use_field(s: State, g: Gains, phase: I32) -> I32:
@@ -189,6 +210,9 @@ def use_field(s: State, g: Gains, phase: I32) -> I32:
             judge_field(s, g)
             if s.mag_accepted > 0:
                 prepare_heading(s, g)
+    elif phase == 15:
+        if s.velocity_use == 2:
+            adapt_walk(s)
     elif s.mag_accepted > 0:
         if phase == 13:
             return accept_field(s, g)
@@ -213,9 +237,11 @@ def measure_heading(s: State, g: Gains, phase: I32) -> None:
     elif phase == 14:
         weigh_heading(s, g)
         weigh_gain(s, s.heading_innovation, s.log_heading_noise)
-        use_gain(s)
         if s.aided > 0:
+            use_followed_gain(s)
             use_accel_gain(s, 0)
+        else:
+            use_gain(s)
 
 
 def accept_field(s: State, g: Gains) -> I32:

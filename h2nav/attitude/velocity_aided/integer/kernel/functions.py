@@ -50,6 +50,12 @@ def product(a: I32, b: I32) -> I32:
     return (a >> 15) * b + (((a & 32767) * b) >> 15)
 
 
+def square_q28(x: I32) -> I32:
+    """Square over 2^28 of a number of at most 2^29, made of its halves; wrong by less than 2."""
+    high = x >> 14
+    return known(high * high + ((high * (x & 16383)) >> 13), -1, LONGEST)  # Lemma 14
+
+
 def shifted(x: I32, n: I32) -> I32:
     """Quotient x / 2^n for n from -12 to 31; what would grow beyond 30 bits is limited before."""
     if n >= 0:

@@ -18,92 +18,14 @@ from ..memory import (
     Gains,
     State,
 )
+from .derived import (
+    forget_velocity,
+)
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, reciprocal, shifted
 
 NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
 MOST_NOISE = 29 << 8
 PART_MOST = 22400  # of a vertical or level part of three numbers below 2^14
-
-
-def heading_turn(s: State, r: list[I32], turn: list[I32]) -> None:
-    """Writes the heading change per unit of each bias over the frame, Q22 of its unit."""
-    unit = (s.frame_time * 15625) >> 14
-    for i in range(3):
-        turn[i] = (unit * r[6 + i] + 16384) >> 15
-
-
-def predict_covariance(s: State, g: Gains, r: list[I32]) -> None:
-    """P <- F P F^T + Q over one frame.
-
-    Source: docs/filter.md Eq. (12).
-    """
-    turn = [0, 0, 0]
-    heading_turn(s, r, turn)
-    x = turn[0]
-    y = turn[1]
-    z = turn[2]
-    time = s.frame_time
-    a = heading_of(s.p_xx, s.p_xy, s.p_xz, x, y, z)
-    b = heading_of(s.p_xy, s.p_yy, s.p_yz, x, y, z)
-    c = heading_of(s.p_xz, s.p_yz, s.p_zz, x, y, z)
-    both = heading_of(a, b, c, x, y, z)
-    both -= 2 * heading_of(s.p_xh, s.p_yh, s.p_zh, x, y, z)
-    noise = g.gyro_noise + (s.gyro_jitter >> 3)
-    noise += product(s.turning << 1, g.heading_scale_noise_m) >> g.heading_scale_noise_s
-    both += product(limited(noise, 1 << 30), time) >> 5
-    s.p_xh = limited(s.p_xh - a, THETA_MOST)
-    s.p_yh = limited(s.p_yh - b, THETA_MOST)
-    s.p_zh = limited(s.p_zh - c, THETA_MOST)
-    s.heading_variance = clamp(s.heading_variance + both, VARIANCE_LEAST, THETA_MOST)
-    walk = (product(g.bias_walk, time) >> 2) + 1
-    s.p_xx = grown(s.p_xx, walk, g.bias_variance)
-    s.p_yy = grown(s.p_yy, walk, g.bias_variance)
-    s.p_zz = grown(s.p_zz, walk, g.bias_variance)
-
-
-def heading_of(a: I32, b: I32, c: I32, x: I32, y: I32, z: I32) -> I32:
-    """Sum of a x, b y and c z, the second factors Q22."""
-    return (product(a, x) >> 7) + (product(b, y) >> 7) + (product(c, z) >> 7)
-
-
-def grown(variance: I32, walk: I32, most: I32) -> I32:
-    """A variance of the bias, raised while it is below its initial value."""
-    if variance < most:
-        variance = clamp(variance + walk, VARIANCE_LEAST, THETA_MOST)
-    return variance
-
-
-def predict_sensitivities(s: State, r: list[I32]) -> None:
-    """Propagates the sensitivities of velocity and tilt over one frame.
-
-    Source: docs/filter.md Eq. (6), (7).
-    """
-    turn = [0, 0, 0]
-    heading_turn(s, r, turn)
-    unit = (s.frame_time * 15625) >> 14
-    for i in range(3):
-        carry(s.dtilt_n, s.dvelocity_n, i, s.frame_time, (unit * r[3 + i]) >> 10, turn[i])
-        carry(s.dtilt_e, s.dvelocity_e, i, s.frame_time, -((unit * r[i]) >> 10), turn[i])
-    carry_heading(s.dtilt_n, s.dvelocity_n, s.frame_time)
-    carry_heading(s.dtilt_e, s.dvelocity_e, s.frame_time)
-
-
-def carry(
-    dtilt: list[I32], dvelocity: list[I32], axis: I32, time: I32, change: I32, turn: I32
-) -> None:
-    """Propagates the sensitivities to one bias; they refer to the present heading error."""
-    tilt = dtilt[axis]
-    velocity = dvelocity[axis] + (product(tilt, time) >> 6)
-    velocity += product(dvelocity[3], turn) >> 7
-    dvelocity[axis] = limited(velocity, THETA_MOST)
-    tilt += change + (product(dtilt[3], turn) >> 7)
-    dtilt[axis] = limited(tilt, THETA_MOST)
-
-
-def carry_heading(dtilt: list[I32], dvelocity: list[I32], time: I32) -> None:
-    """Propagates the sensitivity of a velocity to the heading error."""
-    velocity = dvelocity[3] + (product(dtilt[3], time) >> 6)
-    dvelocity[3] = limited(velocity, THETA_MOST)
 
 
 def size_of(a: I32) -> I32:
@@ -284,25 +206,6 @@ def lowered_variance(variance: I32, fall: I32) -> I32:
     return rest
 
 
-def fade(s: State) -> None:
-    """Applies the constant gain to the sensitivities.
-
-    Source: docs/filter.md Eq. (17).
-    """
-    for i in range(4):
-        fade_one(s, s.dtilt_n, s.dvelocity_n, i)
-        fade_one(s, s.dtilt_e, s.dvelocity_e, i)
-
-
-def fade_one(s: State, dtilt: list[I32], dvelocity: list[I32], i: I32) -> None:
-    """One sensitivity of tilt and velocity."""
-    before = dvelocity[i]
-    tilt = dtilt[i] - shifted(product(before, s.k_tilt_m), s.k_tilt_s - 4)
-    dtilt[i] = limited(tilt, THETA_MOST)
-    velocity = before - shifted(product(before, s.k_velocity_m), s.k_velocity_s)
-    dvelocity[i] = limited(velocity, THETA_MOST)
-
-
 def apply_theta(s: State, g: Gains) -> I32:
     """Corrects bias, velocity and attitude by D, and clears it.
 
@@ -362,17 +265,6 @@ def limit_heading(s: State, g: Gains) -> None:
         s.p_yh = product(s.p_yh, keep)
         s.p_zh = product(s.p_zh, keep)
         s.heading_variance = most
-
-
-def forget_velocity(s: State) -> None:
-    """Starts the velocity again: it does not depend on theta yet."""
-    for i in range(4):
-        s.dvelocity_n[i] = 0
-        s.dvelocity_e[i] = 0
-    for i in range(2):
-        s.dvelocity_lag[i] = 0
-        s.dvelocity_accel_n[i] = 0
-        s.dvelocity_accel_e[i] = 0
 
 
 def forget_sensitivities(s: State) -> None:

@@ -20,8 +20,8 @@ from ..memory import (
     State,
 )
 from .aiding import in_force
+from .derived import begin_bias, forget_velocity
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, ratio
-from .theta import forget_velocity
 from .tilt import restart_tilt
 
 FORCED_MOST = 113600  # three axes at 16 g, Q12
@@ -79,9 +79,7 @@ def change_aiding(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
     for i in range(2):
         s.dtilt_lag[i] = 0
         s.daccel[i] = 0
-    for i in range(4):
-        s.p_accel_x[i] = 0
-        s.p_accel_y[i] = 0
+    begin_bias(s)
     if s.aided > 0 and s.p_accel[0] == 0:
         s.p_accel[0] = g.accel_variance
         s.p_accel[2] = g.accel_variance

@@ -1,0 +1,197 @@
+"""What of the velocity-aided filter is derived: float function, what it writes, formats beside it.
+
+The schedule of the integers is in here, too: they run the second stage once per frame, and one
+float function in several parts. The formats of the state are declared where the state is
+(`velocity_aided/memory.py`), those of parameters in `velocity_aided/parameters.py`; here are those
+of arguments and local variables.
+
+Source: docs/design/007-one-kernel.md.
+"""
+
+from collections.abc import Mapping
+
+from h2nav.attitude.record import Form, Grid, grids_of, row, rows
+from h2nav.attitude.velocity_aided import memory as floats
+from h2nav.attitude.velocity_aided.integer import memory as integers
+from h2nav.attitude.velocity_aided.integer.units import (
+    BIAS_UNIT_RAD_S,
+    HEADING_UNIT_RAD,
+    TURN_UNIT,
+)
+from h2nav.attitude.velocity_aided.parameters import PARAMETERS, Fixed, Scaled
+from h2nav.translate.derivation import Operand, Recipe
+
+_STATE, _GAINS, _ROTATION = "s: State", "g: Gains", "r: list[I32]"
+# steps of fields that the integers name or scale in their own way
+_OWN_STEPS = {"turning": TURN_UNIT, "gyro_jitter": 2.0**-36}
+# the integers' level of jitter has the share in it
+_JITTER = {"g.jitter_share": 1.0}
+
+
+def _grid(form: Form, *, saturates: bool = False) -> Grid:
+    return grids_of(form, saturates=saturates)[0]
+
+
+def _own(name: str, step: float) -> Operand:
+    """A field of the integers' state with its step."""
+    found = row(integers.State, name)
+    assert found.range is not None
+    return Operand(f"s.{name}", (Grid(step, *found.range),))
+
+
+_R = Operand("r", (Grid(2.0**-15, -32767, 32767),))
+_FRAME = {"dt": _own("frame_time", 2.0**-17), "w.r_nb": _R}
+# heading per bias over one frame, in units of theta
+_TURN = _grid((22, HEADING_UNIT_RAD / BIAS_UNIT_RAD_S, -0.0078125, 0.0078125))
+_CARRIED = _grid((28, BIAS_UNIT_RAD_S * HEADING_UNIT_RAD, -2.0, 2.0))
+_TURNS = {"dx": _TURN, "dy": _TURN, "dz": _TURN}
+
+
+_GAINS_IN_USE = {
+    "kt": _own("k_tilt_m", 2.0**-15)._replace(fall="s.k_tilt_s", fall_range=(-3, 30)),
+    "kv": _own("k_velocity_m", 2.0**-15)._replace(fall="s.k_velocity_s", fall_range=(-3, 30)),
+}
+
+
+def _theta_grids() -> tuple[Grid, ...]:
+    """Of theta's correction: three biases and the heading."""
+    units = (BIAS_UNIT_RAD_S, BIAS_UNIT_RAD_S, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD)
+    return grids_of((28, units, -4.0, 4.0))
+
+
+def fields() -> Mapping[str, Operand]:
+    """The integers behind the state and the gains, by their names in the floats."""
+    found = {f"s.{one.name}": Operand(f"s.{one.name}", one.grids) for one in rows(floats.State)}
+    found = {name: operand for name, operand in found.items() if operand.grids}
+    found.update({f"s.{name}": _own(name, step) for name, step in _OWN_STEPS.items()})
+    for parameter in PARAMETERS:
+        fixed, name = parameter.fixed, f"g.{parameter.field}"
+        if isinstance(fixed, Fixed) and fixed.of is None:
+            grid = Grid(fixed.per * 2.0**-fixed.q, fixed.low, fixed.high)
+            found[name] = Operand(f"g.{fixed.field}", (grid,))
+        elif isinstance(fixed, Scaled):
+            grid = Grid(fixed.per * 2.0**-15, 0, 32767)
+            found[name] = Operand(f"g.{fixed.field}_m", (grid,), f"g.{fixed.field}_s", (0, 31))
+    return found
+
+
+_THETA = Operand("step", _theta_grids())
+_VARIANCE = grids_of(floats.BIAS_VARIANCE)
+_SUM = _grid(floats.BIAS_SUM, saturates=True)
+_US = 1e-6
+_PERIOD = Operand("(s.fix_span_us >> 7)", (Grid(128.0 * _US, 0, 32768),))
+_SHARE = _grid((15, 1.0, 0.0, 1.0))
+
+RECIPES = (
+    Recipe(
+        "predict_covariance",
+        "predict_theta",
+        (
+            *("s.p_xx", "s.p_yy", "s.p_zz", "s.p_xh", "s.p_yh", "s.p_zh"),
+            "s.heading_variance",
+        ),
+        (_STATE, _GAINS, _ROTATION),
+        _FRAME,
+        {**_TURNS, "c0": _CARRIED, "c1": _CARRIED, "c2": _CARRIED},
+        _JITTER,
+    ),
+    Recipe(
+        "predict_sensitivities",
+        "predict_theta",
+        ("s.dvelocity_n", "s.dvelocity_e", "s.dtilt_n", "s.dtilt_e"),
+        (_STATE, _ROTATION),
+        _FRAME,
+        _TURNS,
+    ),
+    Recipe(
+        "predict_shared",
+        "predict_shared",
+        ("s.p_accel_x", "s.p_accel_y", "s.p_accel", "s.fix_lag_variance"),
+        (_STATE, _GAINS, _ROTATION),
+        _FRAME,
+        _TURNS,
+    ),
+    Recipe(
+        "predict_accel",
+        "predict_accel",
+        ("s.dvelocity_accel_n", "s.dvelocity_accel_e", "s.dvelocity_lag"),
+        (_STATE, _ROTATION),
+        _FRAME,
+    ),
+    Recipe(
+        "fade_theta",
+        "use_constant_gain",
+        ("s.dtilt_n", "s.dtilt_e", "s.dvelocity_n", "s.dvelocity_e"),
+        (_STATE,),
+        _GAINS_IN_USE,
+    ),
+    Recipe(
+        "fade_aiding",
+        "use_gains",
+        (
+            *("s.dtilt_accel_n", "s.dtilt_accel_e", "s.dvelocity_accel_n", "s.dvelocity_accel_e"),
+            *("s.dtilt_lag", "s.dvelocity_lag"),
+        ),
+        (_STATE,),
+        {
+            **_GAINS_IN_USE,
+            "accel_n": _own("accel_n", 2.0**-13),
+            "accel_e": _own("accel_e", 2.0**-13),
+        },
+        {"part": _grid(floats.BY_LAG, saturates=True)},
+    ),
+    Recipe(
+        "level_sensitivities",
+        "level_sensitivities",
+        ("s.dtilt_accel_n", "s.dtilt_accel_e", "s.dtilt_lag"),
+        (_STATE, _ROTATION),
+        {"w.r_nb": _R},
+    ),
+    Recipe(
+        "forget_velocity",
+        "forget_velocity",
+        (
+            *("s.dvelocity_n", "s.dvelocity_e", "s.dvelocity_accel_n", "s.dvelocity_accel_e"),
+            "s.dvelocity_lag",
+        ),
+        (_STATE,),
+    ),
+    Recipe(
+        "begin_bias",
+        "begin_bias",
+        (
+            "s.p_accel_x",
+            "s.p_accel_y",
+            "s.bias_moved",
+            "s.bias_trend",
+            "s.bias_expected",
+            "s.bias_walk",
+        ),
+        (_STATE,),
+    ),
+    Recipe(
+        "follow_bias",
+        "follow_bias",
+        ("s.bias_moved", "s.bias_expected"),
+        (_STATE, "step: list[I32]", "before_x: I32", "before_y: I32", "before_z: I32"),
+        {
+            "w.dtheta": _THETA,
+            **{f"before_{axis}": Operand(f"before_{axis}", _VARIANCE) for axis in "xyz"},
+        },
+    ),
+    Recipe(
+        "adapt_walk",
+        "adapt_walk",
+        ("s.bias_moved", "s.bias_trend", "s.bias_expected", "s.bias_walk"),
+        (_STATE,),
+        {"period": _PERIOD, "s.age_s": _own("age_us", _US)},
+        {
+            "keep": _SHARE,
+            "keep * keep": _SHARE,
+            "moved": _SUM,
+            "trend": _SUM,
+            "expected": _grid((28, floats.BIAS_VARIANCE[1], -4.0, 4.0)),
+            "walk": _grid((28, floats.BIAS_VARIANCE[1], -2.0, 2.0)),
+        },
+    ),
+)
