@@ -1,7 +1,6 @@
 """The command line: imports only the requested command; errors become exit statuses."""
 
 import argparse
-import difflib
 import importlib
 import io
 import platform
@@ -244,6 +243,8 @@ def _refuse_unknown(words: Sequence[str]) -> None:
     known = {line[len(group)] for line in COMMANDS if list(line[: len(group)]) == group}
     if not typed or typed[0].startswith("-") or typed[0] in known:
         return
+    import difflib  # for a mistake only
+
     said = " ".join((*group, *typed))
     names = {" ".join(line): " ".join(line) for line in COMMANDS}
     names |= {line[-1]: " ".join(line) for line in COMMANDS if len(line) > 1}

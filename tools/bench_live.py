@@ -216,7 +216,7 @@ def stages() -> dict[str, float]:
         "decoding and reading": timed(
             lambda: [READERS[frame.msg_id](codec.decode(frame)) for frame in frames]
         ),
-        "asking": timed(lambda: [service.heeds(t_ns, (1, 1), RAW_IMU) for t_ns, _ in pieces]),
+        "asking": timed(lambda: [service.on_arrival(t_ns, (1, 1), RAW_IMU) for t_ns, _ in pieces]),
         "encoding": timed(lambda: [sender.encode(attitude) for _ in pieces]),
     }
     return found | {"service and filter": 2.0 * whole - sum(found.values())}

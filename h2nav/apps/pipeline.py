@@ -1,7 +1,7 @@
 """From received bytes to executed effects: the same for the daemon and for a replay."""
 
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -22,6 +22,7 @@ from h2nav.service.records import (
 from h2nav.service.service import Service
 from h2nav.wire import codec
 from h2nav.wire.deframer import Deframer, Frame, PlacedFrame, frame_at
+from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.key_blanker import KeyBlanker
 from h2nav.wire.readers import READERS, Envelope, Message, message_name
 from h2nav.wire.refused import Refused
@@ -35,6 +36,17 @@ LINK_NAME = "autopilot"
 JUNK_BYTES = 1024
 JUNK_NS = 3_000_000_000
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+IMU_IDS = READERS.keys() & IMU_MESSAGES.keys()
+
+
+class PlayedFrames(NamedTuple):
+    """Frames of a recording."""
+
+    data: bytes  # the buffer that holds them
+    frames: Sequence[PlacedFrame]  # their places and origins
+    first: int  # number of the first one for `reading`
+    # number of a frame and its IMU message's id -> its reading; None where it has to be read singly
+    reading: Callable[[int, int], ImuReading | None]
 
 
 class Watcher(Protocol):
@@ -89,7 +101,7 @@ def deliver(service: Service, frame: Frame, t_ns: int, now_ns: int) -> list[Effe
         now_ns: host time now.
     """
     sender = frame.sysid, frame.compid
-    if not service.heeds(t_ns, sender, frame.msg_id):
+    if not service.on_arrival(t_ns, sender, frame.msg_id):
         return []
     return read(service, Envelope(t_ns, now_ns, sender, frame.msg_id), frame.payload)
 
@@ -215,35 +227,35 @@ class Pipeline:
         if self._recorder is not None:
             self._record_received(t_ns, self._blanker.blanked(data))
 
-    def play(
-        self,
-        data: bytes,
-        frames: Iterable[PlacedFrame],
-        before: Callable[[int], object] | None = None,
-    ) -> None:
+    def play(self, played: PlayedFrames, before: Callable[[int], object] | None = None) -> None:
         """Processes frames of `wanted_ids` in a recording, in order.
 
         The result is that of `received`. Most frames of a recording are not used, and cost little
         more than this check.
 
         Args:
-            data: the buffer that holds them.
-            frames: their places and origins.
+            played: the frames.
             before: called with the time (ns) of each message before it is read.
         """
-        service, heeds, watched = self.service, self.service.heeds, self._watched_ids
-        used = self._message_ids
-        for t_ns, msg_id, sender, at, payload_at, payload_end in frames:
+        service, is_read, watched = self.service, self.service.on_arrival, self._watched_ids
+        used, imu_ids, (data, frames, first, reading_of) = self._message_ids, IMU_IDS, played
+        for number, (t_ns, msg_id, sender, at, payload_at, payload_end) in enumerate(frames, first):
             if msg_id in watched:
                 self._watcher.frame(t_ns, frame_at(data, at))
             if msg_id not in used:
                 continue
             try:
-                if heeds(t_ns, sender, msg_id):
-                    if before is not None:
-                        before(t_ns)
-                    envelope = Envelope(t_ns, t_ns, sender, msg_id)
+                if not is_read(t_ns, sender, msg_id):
+                    continue
+                if before is not None:
+                    before(t_ns)
+                envelope = Envelope(t_ns, t_ns, sender, msg_id)
+                reading = reading_of(number, msg_id) if msg_id in imu_ids else None
+                if reading is not None:
+                    effects = service.on_imu(envelope, reading)
+                else:
                     effects = read(service, envelope, data[payload_at:payload_end])
+                if effects:
                     self._carry_out(t_ns, effects)
             except Exception as error:
                 self._fault(t_ns, message_name(msg_id), error)
@@ -254,7 +266,7 @@ class Pipeline:
         if self._observer is not None:
             self._observer.message(t_ns, message)
         try:
-            if self.service.heeds(t_ns, envelope.sender, envelope.message_id):
+            if self.service.on_arrival(t_ns, envelope.sender, envelope.message_id):
                 self._carry_out(t_ns, self.service.on_message(envelope, message))
         except Exception as error:
             self._fault(t_ns, message_name(envelope.message_id), error)

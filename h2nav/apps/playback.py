@@ -15,17 +15,19 @@ from h2nav.apps.algorithms import NAMES, algorithm
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.log_contents import RecordedInputs, inputs_of
-from h2nav.apps.pipeline import Observer, Outlets, Pipeline, Watcher
+from h2nav.apps.pipeline import Observer, Outlets, Pipeline, PlayedFrames, Watcher
 from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.errors import BadInput
 from h2nav.files.earth_field import earth_field_at
 from h2nav.log.recorder import Recorder
+from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.imported import ImportedLog
+from h2nav.recordings.imu_frames import ImuFrames
 from h2nav.recordings.recording import Recording
 from h2nav.service.lane import FilterFor
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.arrivals import Arrivals
-from h2nav.wire.deframer import DeframerCounters, PlacedFrame
+from h2nav.wire.deframer import DeframerCounters
 from h2nav.wire.frame_scan import FoundFrames, FrameScan
 
 Source = Recording | ImportedLog
@@ -184,9 +186,13 @@ class Playback:
 
     Args:
         whole_frames: see `Inputs`.
+        tables: also gets all frames, however many services hear them.
     """
 
-    def __init__(self, recording: Source, *, whole_frames: bool) -> None:
+    def __init__(
+        self, recording: Source, *, whole_frames: bool, tables: TableMaker | None = None
+    ) -> None:
+        self._tables = tables
         self.span_ns = 0  # from the first arrival to the newest one
         self._recording = recording
         self._scan = FrameScan(whole_frames=whole_frames)
@@ -215,7 +221,10 @@ class Playback:
             return
         ids = frozenset[int]().union(*(pipeline.wanted_ids for pipeline in pipelines))
         for arrivals in self._recording.batches():
-            batch = _Batch(arrivals, self._scan.frames_of(arrivals), ids)
+            found = self._scan.frames_of(arrivals)
+            if self._tables is not None:
+                self._tables.add(found)
+            batch = _Batch(arrivals, found, ids)
             first = 0
             while first < len(batch.times):
                 is_very_first = self._first_ns is None
@@ -285,7 +294,8 @@ class _Batch:
         self.times: list[int] = arrivals.t_ns.tolist()  # of arrival, ns
         self._arrivals = arrivals
         self._data = found.data
-        self._completed_by, self._frames = found.wanted(ids)
+        self._completed_by, self._frames, rows = found.wanted(ids)
+        self._readings = ImuFrames(found, rows)
         self._pauses = [*arrivals.pauses(TICK_NS), len(self.times)]
 
     def end(self, first: int, due_ns: int) -> int:
@@ -302,12 +312,13 @@ class _Batch:
     ) -> None:
         """Sends the arrivals from `first` up to `stop` through a pipeline."""
         if not pipeline.records:
-            pipeline.play(self._data, self._frames_of(first, stop), before)
+            pipeline.play(self._frames_of(first, stop), before)
             return
         for number in range(first, stop):
             pipeline.record_stream(self.times[number], self._arrivals.piece(number))
-            pipeline.play(self._data, self._frames_of(number, number + 1), before)
+            pipeline.play(self._frames_of(number, number + 1), before)
 
-    def _frames_of(self, first: int, stop: int) -> list[PlacedFrame]:
+    def _frames_of(self, first: int, stop: int) -> PlayedFrames:
         begin = bisect_left(self._completed_by, first)
-        return self._frames[begin : bisect_left(self._completed_by, stop, begin)]
+        frames = self._frames[begin : bisect_left(self._completed_by, stop, begin)]
+        return PlayedFrames(self._data, frames, begin, self._readings.reading)

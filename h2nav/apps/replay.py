@@ -20,6 +20,7 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import TaskFailed
 from h2nav.integrity.findings import Severity, as_mapping
 from h2nav.log.recorder import Recorder
+from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import open_flight
 from h2nav.recordings.recording import Recording
@@ -74,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
     pipeline = playback.pipeline_for(
         recording, inputs, recorder, watcher, filters.filter_for, watcher
     )
-    played = playback.Playback(recording, whole_frames=inputs.whole_frames)
+    tables = TableMaker(watcher.reference.message_ids)
+    played = playback.Playback(recording, whole_frames=inputs.whole_frames, tables=tables)
     smoothed_table = None
     started_s = time.perf_counter()
     try:
@@ -82,6 +84,7 @@ def run(args: argparse.Namespace) -> int:
         with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
             for _ in played.through(pipeline, before=listener.arrives):
                 bar.update(recording.progress[0] - bar.n)
+        watcher.reference.tables(tables.tables())
         elapsed_s = time.perf_counter() - started_s
         if args.smooth:
             estimates = _smooth(listener, inputs.filters, recorder, recording.unix_offset_ns)
@@ -133,9 +136,10 @@ def _loss(recorder: Recorder) -> str | None:
 class _Watcher:
     """Collects the error table and, for logs of h2nav, compares every estimate."""
 
+    message_ids: frozenset[int] = frozenset()
+
     def __init__(self, original: Recording | None) -> None:
         self.reference = Reference()
-        self.message_ids = self.reference.message_ids
         self.compared = 0
         self.equal = 0
         self.compares = original is not None
@@ -144,7 +148,7 @@ class _Watcher:
             self._recorded = original.records(ESTIMATE_TOPIC)
 
     def frame(self, t_ns: int, frame: Frame) -> None:
-        self.reference.frame(t_ns, frame)
+        """The tables have them."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         record = estimate_record(estimate, late_ns)

@@ -6,7 +6,6 @@ import socket
 from pathlib import Path
 from typing import Any
 
-from h2nav.apps import configuration
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.host.runtime_folder import USUAL_SOCKET, own_socket
@@ -48,6 +47,9 @@ def run(args: argparse.Namespace) -> int:
 def _socket(args: argparse.Namespace) -> Path:
     if args.config is None:
         return args.socket or _present_socket()
+    # Reading a configuration costs twice the rest of this command.
+    from h2nav.apps import configuration
+
     named = configuration.read(args.config).events.socket
     if not named:
         raise BadInput(f"{args.config}: events.socket: empty; name one, such as {USUAL_SOCKET}")

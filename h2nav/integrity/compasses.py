@@ -113,6 +113,15 @@ class _Pair:
         return abs(cmath.phase(self.turn.direction))
 
 
+def _limit_rad(earth: EarthField | None) -> float:
+    """The largest difference of two calibrated compasses."""
+    if earth is None:
+        return USUAL_RAD
+    level = max(math.cos(earth.dip_rad), UNCALIBRATED)
+    limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
+    return min(max(limit, LEAST_RAD), MOST_RAD)
+
+
 class Compasses:
     """All compasses of a vehicle, by the number of their IMU, from 0.
 
@@ -125,11 +134,13 @@ class Compasses:
 
     def __init__(self, field: EarthField | None = None) -> None:
         self._earth = field
+        self._limit_rad = _limit_rad(field)
         self.restart()
 
     def use_field(self, field: EarthField) -> None:
         """Takes the earth's field."""
         self._earth = field
+        self._limit_rad = _limit_rad(field)
 
     def restart(self) -> None:
         """Restarts for another vehicle, or another clock."""
@@ -229,15 +240,6 @@ class Compasses:
 
     def _since_s(self, pairs: list[tuple[int, int]]) -> float:
         return max((self._pairs[pair].test.since_s(self._t_us) for pair in pairs), default=0.0)
-
-    @property
-    def _limit_rad(self) -> float:
-        """The largest difference of two calibrated compasses."""
-        if self._earth is None:
-            return USUAL_RAD
-        level = max(math.cos(self._earth.dip_rad), UNCALIBRATED)
-        limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
-        return min(max(limit, LEAST_RAD), MOST_RAD)
 
     def _are_of_one_time(self, one: int, other: int) -> bool:
         a_us, b_us = (self._compasses[number].heading.t_us for number in (one, other))

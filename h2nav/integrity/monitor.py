@@ -42,7 +42,7 @@ from h2nav.integrity.kernel.windows import JUDGED_US
 from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.receiver import LearntReceiver
-from h2nav.integrity.sensor_checks import Use, sensor_alarms, use_of
+from h2nav.integrity.sensor_checks import Use, is_bad, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
 from h2nav.integrity.velocity_model import Known
 from h2nav.integrity.velocity_rows import VelocityRows
@@ -172,7 +172,11 @@ class Monitor:
 
     def check(self, sample: ImuSample) -> Use:
         """Takes a sample before the filter does; returns what the filter may use."""
-        self._note_silence(sample.t_us)
+        t_us, before_us = sample.t_us, self._checked_us
+        if before_us is not None and t_us - before_us > LONGEST_STEP_US:
+            # Nothing was heard: a link that is cut loses no velocity.
+            self._silent_us += t_us - before_us
+        self._checked_us = t_us
         bits = self._checked = self._watch.check(sample)
         self.field_is_frozen = bits & FIELD_FROZEN > 0
         if bits & UNSEEN_TURN:
@@ -181,38 +185,41 @@ class Monitor:
             self._heading_rad = max(self._heading_rad, unseen_rad)
         return use_of(bits) if bits else Use.ALL
 
-    def _note_silence(self, t_us: int) -> None:
-        """Counts time in which nothing was heard: a link that is cut loses no velocity."""
-        gap_us = 0 if self._checked_us is None else t_us - self._checked_us
-        if gap_us > LONGEST_STEP_US:
-            self._silent_us += gap_us
-        self._checked_us = t_us
-
     @property
     def sensor_is_bad(self) -> bool:
         """Whether gyro or accelerometer is known to be faulty now."""
-        found = sensor_alarms(self._imu, self._checked, self._watch.memory)
-        return any(alarm.degrades for alarm in found)
+        return is_bad(self._checked, self._watch.memory)
 
     @property
     def vibration_m_s2(self) -> float:
         """Of the accelerometer, rms over the last full second."""
         return self._watch.memory.vibration_m_s2
 
-    def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> None:
-        """Takes the filter's estimate, not propagated, for the sample checked last."""
+    def add(self, sample: ImuSample, estimate: AttitudeEstimate) -> AttitudeEstimate:
+        """Takes the filter's estimate, not propagated, for the sample checked last.
+
+        Returns:
+            It with deviations increased to the errors that measurements show.
+        """
         t_us, _, force, _, clipped = sample
-        apart_us = min(t_us - self._sample_us, 2.0 * SLOW_US)
+        apart_us: float = t_us - self._sample_us
+        apart_us = min(apart_us, 2.0 * SLOW_US)
         self._period_us += SLOW_SHARE * (apart_us - self._period_us)
         self._sample_us = t_us
         if clipped or force == NO_FORCE:
             # The result of its windows is known already.
             self.restart()
-            return
+        else:
+            self._follow(t_us, force, estimate)
+        return self.opened(estimate)
+
+    def _follow(self, t_us: int, force: Vec3, estimate: AttitudeEstimate) -> None:
+        """Continues the windows."""
         bits = self._strapdown.add(t_us, estimate)
-        if not int(estimate.trust) & CONVERGED:
+        trust = int(estimate.trust)
+        if not trust & CONVERGED:
             self._unsettled_us = t_us
-        if int(estimate.trust) & FIELD_USED:
+        if trust & FIELD_USED:
             self._field_used_us = t_us
         if self.field_is_frozen:
             self._field.restart()
@@ -279,18 +286,20 @@ class Monitor:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
         mark = self._velocity.marks[-1]
         is_row = self._rows.take(mark, errors)
-        known = Known(errors, mark.moment, self._rows.jitter_m_s, self._receiver.errors)
-        if is_row and self._receiver.learn(self._rows.rows, known):
-            # Earlier velocities were corrected otherwise.
-            self._velocity.restart()
-            self._rows.restart()
-            self._forget_cause()
-            return None
+        known: Known | None = None
+        if is_row:
+            known = Known(errors, mark.moment, self._rows.jitter_m_s, self._receiver.errors)
+            if self._receiver.learn(self._rows.rows, known):
+                # Earlier velocities were corrected otherwise.
+                self._velocity.restart()
+                self._rows.restart()
+                self._forget_cause()
+                return None
         is_settled = t_us - self._unsettled_us > LONG_S * 1e6
         if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
             return None
-        if not is_row or t_us - self._explained_us < self._spacing_us(t_us):
+        if known is None or t_us - self._explained_us < self._spacing_us(t_us):
             return None
         self._explained_us = t_us
         found = self._explained = explain(self._rows.rows, known)
@@ -381,7 +390,8 @@ class Monitor:
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""
-        tilt_rad = max(self._tilt_rad, self._drift_tilt_rad)
+        tilt_rad = self._tilt_rad
+        tilt_rad = max(tilt_rad, self._drift_tilt_rad)
         if tilt_rad == 0.0 and self._heading_rad == 0.0:
             return estimate
         return estimate._replace(

@@ -55,6 +55,6 @@ class InnovationRatios(NamedTuple):
 def _worst(*ratios: float) -> float:
     worst = math.nan
     for ratio in ratios:
-        if ratio > worst or math.isnan(worst):
+        if ratio > worst or worst != worst:  # noqa: PLR0124 - quicker than isnan
             worst = ratio
     return worst

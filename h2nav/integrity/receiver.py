@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import Vec3, VelocityFix
+from h2nav.integrity.likelihood import dot
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_model import (
     ANTENNA,
@@ -58,6 +59,8 @@ class LearntReceiver:
     Attributes:
         delay_s: of its velocities beyond their stamps.
         noise_m_s: scatter of its velocities per axis; 0: not seen yet.
+        antenna_b: place of the antenna from the IMU as far as it is significant, m, body.
+        errors: deviations of delay and antenna.
     """
 
     def __init__(self) -> None:
@@ -67,29 +70,23 @@ class LearntReceiver:
         # covariance of delay and antenna, s and m
         self._covariance = [[PRIOR[i] ** 2 if i == j else 0.0 for j in range(4)] for i in range(4)]
         self._learnt_us = 0  # end of the latest window that was used
+        self._note()
 
-    @property
-    def antenna_b(self) -> Vec3:
-        """The antenna's place from the IMU as far as it is significant, m, body.
-
-        Most antennas are near the centre, and errors that nobody models look like a place.
-        """
+    def _note(self) -> None:
+        """Works out what is asked for at every velocity."""
         x, y, z = (
             place_m * max(1.0 - SIGNIFICANT**2 * self._covariance[i][i] / place_m**2, 0.0)
             if place_m != 0.0
             else 0.0
             for i, place_m in enumerate(self._found_b, 1)
         )
-        return x, y, z
-
-    @property
-    def errors(self) -> ReceiverErrors:
-        """The deviations of delay and antenna."""
+        # Most antennas are near the centre, and errors that nobody models look like a place.
+        self.antenna_b: Vec3 = (x, y, z)
         delay_s = math.sqrt(self._covariance[0][0])
         x, y, z = (
             math.hypot(math.sqrt(self._covariance[i][i]), ANTENNA_JITTER_M) for i in (1, 2, 3)
         )
-        return ReceiverErrors(math.hypot(delay_s, DELAY_JITTER_S), (x, y, z))
+        self.errors = ReceiverErrors(math.hypot(delay_s, DELAY_JITTER_S), (x, y, z))
 
     def timely(self, fix: VelocityFix) -> VelocityFix:
         """The fix at the time at which it was true, with the deviation that it really has."""
@@ -126,6 +123,7 @@ class LearntReceiver:
         for i in range(4):
             grown = self._covariance[i][i] + share * PRIOR[i] ** 2
             self._covariance[i][i] = min(grown, PRIOR[i] ** 2)
+        self._note()
         window = VelocityModel(rows, known)
         for place in (FORCE, FORCE + 1):
             # The filter may have learnt it from velocities that were late or off the centre.
@@ -145,6 +143,7 @@ class LearntReceiver:
         self.delay_s = delay_s
         x, y, z = (a + b for a, b in zip(self._found_b, best.moved[1:], strict=True))
         self._found_b = (x, y, z)
+        self._note()
         return is_material or math.dist(self.antenna_b, used_b) > MATERIAL_M
 
     def _scale(self, window: VelocityModel) -> float:
@@ -168,8 +167,8 @@ class LearntReceiver:
         fit = window.fit_correlated(PLACES, root, left, scale / math.sqrt(share))
         found, spread = fit.unknowns(), fit.covariance(PLACES)
         moved = [sum(row[j] * found[place] for j, place in enumerate(PLACES)) for row in root]
-        half = [[_dot(row, line) for line in spread] for row in root]
-        return _Estimate(moved, [[_dot(line, row) for row in root] for line in half])
+        half = [[dot(row, line) for line in spread] for row in root]
+        return _Estimate(moved, [[dot(line, row) for row in root] for line in half])
 
 
 class _Estimate(NamedTuple):
@@ -182,10 +181,6 @@ class _Estimate(NamedTuple):
 def _size(estimate: _Estimate) -> float:
     """How much is unknown, in shares of what was at the beginning."""
     return sum(estimate.covariance[i][i] / PRIOR[i] ** 2 for i in range(4))
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return sum(x * y for x, y in zip(a, b, strict=True))
 
 
 def _root(matrix: Matrix) -> Matrix:

@@ -32,6 +32,8 @@ class ReportedVibration:
     def __init__(self) -> None:
         self._reports: deque[_Report] = deque(maxlen=REPORTS)
         self._counters: tuple[int, ...] = ()
+        self._clips: dict[int, int] = {}  # recent ones, by IMU, while they last
+        self._is_high = False
 
     def take(self, t_ns: int, level_m_s2: float, counters: Sequence[int]) -> None:
         """Takes a report.
@@ -48,18 +50,21 @@ class ReportedVibration:
         clips = tuple(max(now - then, 0) for now, then in zip(counters, before, strict=True))
         self._counters = tuple(counters)
         self._reports.append(_Report(t_ns, level_m_s2, clips))
+        self._clips = {imu: self._lasting_clips(imu) for imu in range(len(self._counters))}
+        latest = [report.level_m_s2 for report in self._reports][-HIGH_REPORTS:]
+        self._is_high = len(latest) == HIGH_REPORTS and min(latest) > VIBRATION_M_S2
 
-    def clips(self, imu: int, t_ns: int) -> int:
-        """Recently clipped samples of an IMU (from 0); 0 unless it lasts."""
-        if not self._is_fresh(t_ns):
-            return 0
+    def _lasting_clips(self, imu: int) -> int:
         found = [report.clips[imu] for report in self._reports if imu < len(report.clips)]
         return sum(found) if sum(count > 0 for count in found) >= CLIPPING_REPORTS else 0
 
+    def clips(self, imu: int, t_ns: int) -> int:
+        """Recently clipped samples of an IMU (from 0); 0 unless it lasts."""
+        return self._clips.get(imu, 0) if self._is_fresh(t_ns) else 0
+
     def is_high(self, t_ns: int) -> bool:
         """Whether the vibration is disturbing."""
-        latest = [report.level_m_s2 for report in self._reports][-HIGH_REPORTS:]
-        return self._is_fresh(t_ns) and len(latest) == HIGH_REPORTS and min(latest) > VIBRATION_M_S2
+        return self._is_high and self._is_fresh(t_ns)
 
     def alarms(self, t_ns: int) -> list[Alarm]:
         """Alarms of excessive levels."""

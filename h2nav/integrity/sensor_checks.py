@@ -63,6 +63,15 @@ def sensor_alarms(imu: Sensor, bits: int, memory: Memory) -> list[Alarm]:
     return found + _levels(imu, memory.vibration_m_s2, memory.clipped_share)
 
 
+def is_bad(bits: int, memory: Memory) -> bool:
+    """Whether any of `sensor_alarms` makes the attitude untrustworthy."""
+    return (
+        bool(bits & (GYRO_FROZEN | FORCE_FROZEN))
+        or bits >= STUCK_AXIS
+        or memory.clipped_share > LOST_SHARE
+    )
+
+
 def _frozen(imu: Sensor, bits: int, still_us: list[float]) -> Alarm:
     kind, what, us = Kind.IMU_FROZEN, "whole IMU", min(still_us)
     if bits == GYRO_FROZEN:

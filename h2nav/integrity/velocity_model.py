@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorErrors
-from h2nav.integrity.likelihood import HypothesisFit, LinearModel
+from h2nav.integrity.likelihood import HypothesisFit, LinearModel, dot
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns
 from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA, UNKNOWN, ReceiverErrors
@@ -102,10 +102,9 @@ class VelocityModel:
         for place, mean in zip(places, means, strict=True):
             left = [part - mean * effect for part, effect in zip(left, of[place], strict=True)]
         for i, place in enumerate(places):
-            terms = [(root[j][i], self.columns.of[places[j]]) for j in range(i, len(places))]
-            of[place] = [
-                sum(size * column[k] for size, column in terms) for k in range(len(of[place]))
-            ]
+            sizes = [root[j][i] for j in range(i, len(places))]
+            effects = zip(*(self.columns.of[other] for other in places[i:]), strict=True)
+            of[place] = [dot(sizes, values) for values in effects]
             sigmas[place] = 1.0
         noise = (scale * self.noise_m_s, scale * scale * (self.force_density + self._wander))
         return LinearModel(self.lengths_s, left, of, noise).fit(sigmas)

@@ -12,6 +12,7 @@ import math
 import statistics
 from array import array
 from collections.abc import Iterable, Sequence
+from operator import mul
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorErrors, Vec3
@@ -167,7 +168,7 @@ class VelocityRows:
         bends = [bend for _, bend in self._bends]
         # A normal deviation is 1.48 medians; a second difference has six times the variance.
         usual = 1.48 * statistics.median(bends)
-        rms = math.sqrt(sum(bend * bend for bend in bends) / len(bends))
+        rms = math.sqrt(sum(map(mul, bends, bends)) / len(bends))
         return min(max(usual, rms), SELDOM * usual) / math.sqrt(6.0)
 
     def _see_bend(self, before: Mark, mark: Mark) -> None:

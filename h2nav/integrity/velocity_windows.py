@@ -9,6 +9,7 @@ so that a filter which follows a false velocity is seen to turn against the gyro
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
+from operator import mul
 from typing import NamedTuple
 
 from h2nav.attitude.samples import Vec3, VelocityFix
@@ -163,12 +164,8 @@ class VelocityWindows:
 
     def _by_antenna(self, start: Mark, end: Mark) -> float:
         """Variance per axis by the antenna's place, (m/s)^2."""
-        return 0.5 * sum(
-            (sigma_m * math.dist(a, b)) ** 2
-            for sigma_m, a, b in zip(
-                self._receiver.antenna_b, start.swept_n, end.swept_n, strict=True
-            )
-        )
+        apart = map(math.dist, start.swept_n, end.swept_n)
+        return 0.5 * sum([part**2 for part in map(mul, self._receiver.antenna_b, apart)])
 
 
 def swept(moment: Moment) -> tuple[Level, Level, Level]:

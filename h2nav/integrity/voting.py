@@ -15,7 +15,7 @@ another one.
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from enum import Enum
+from enum import StrEnum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, Vec3
@@ -73,7 +73,7 @@ MOVED_ALIKE = 0.3
 _NONE: Vec3 = (0.0, 0.0, 0.0)
 
 
-class InertialSensor(Enum):
+class InertialSensor(StrEnum):
     """The sensors that are compared."""
 
     GYRO = "gyro"
@@ -135,36 +135,26 @@ class _Window(NamedTuple):
     means: dict[InertialSensor, _Mean]
 
 
-class _Sum:
-    """Adds the samples of one sensor."""
-
-    __slots__ = ("_first", "_last", "_squares", "_x", "_y", "_z")
-
-    def __init__(self, first: Vec3) -> None:
-        self._first = self._last = first
-        self._x, self._y, self._z = first
-        self._squares = 0.0
-
-    def add(self, value: Vec3) -> None:
-        """Adds a sample."""
+def _mean_of(values: Sequence[Vec3]) -> _Mean:
+    """One sensor over its samples of a window."""
+    first, samples = values[0], len(values)
+    last, squares = first, 0.0
+    a, b, c = first
+    for value in values[1:]:
         x, y, z = value
-        self._x += x
-        self._y += y
-        self._z += z
-        if value != self._last:
-            u, v, w = self._last
-            self._squares += (x - u) * (x - u) + (y - v) * (y - v) + (z - w) * (z - w)
-            self._last = value
-
-    def mean(self, samples: int) -> _Mean:
-        """The mean of that many samples."""
-        (a, b, c), (u, v, w) = self._last, self._first
-        value = self._x / samples, self._y / samples, self._z / samples
-        # A steady change is no noise.
-        steps = samples - 1
-        change = a - u, b - v, c - w
-        squares = max(self._squares - _square(change) / steps, 0.0)
-        return _Mean(value, change, 0.5 * squares / steps, self._squares == 0.0)
+        a += x
+        b += y
+        c += z
+        if value != last:
+            u, v, w = last
+            squares += (x - u) * (x - u) + (y - v) * (y - v) + (z - w) * (z - w)
+            last = value
+    # A steady change is no noise.
+    steps, change = samples - 1, (last[0] - first[0], last[1] - first[1], last[2] - first[2])
+    left = max(squares - _square(change) / steps, 0.0)
+    return _Mean(
+        (a / samples, b / samples, c / samples), change, 0.5 * left / steps, squares == 0.0
+    )
 
 
 class _Imu:
@@ -172,42 +162,31 @@ class _Imu:
 
     def __init__(self) -> None:
         self._number: int | None = None
+        self._samples: list[ImuSample] = []  # of the present window
         self.closed: _Window | None = None
-        self._begin(0, None)
 
     def take(self, sample: ImuSample) -> bool:
         """Takes a sample; returns whether it has closed a window."""
-        t_us, w_b, f_b, _, clipped = sample
-        number = t_us // WINDOW_US
-        has_closed = False
-        if number != self._number:
-            has_closed = self._close()
-            self._begin(number, sample)
-        else:
-            self._rates.add(w_b)
-            self._forces.add(f_b)
-            self._samples += 1
-            self._times_us += t_us
-            self._is_clipped |= clipped
+        number = sample.t_us // WINDOW_US
+        if number == self._number:
+            self._samples.append(sample)
+            return False
+        has_closed = self._close()
+        self._number, self._samples = number, [sample]
         return has_closed
 
-    def _begin(self, number: int, sample: ImuSample | None) -> None:
-        self._samples, self._times_us, self._is_clipped = 0, 0, False
-        w_b = f_b = _NONE
-        if sample is not None:
-            self._number, self._samples, self._times_us = number, 1, sample.t_us
-            w_b, f_b, self._is_clipped = sample.w_b, sample.f_b, sample.clipped
-        self._rates, self._forces = _Sum(w_b), _Sum(f_b)
-
     def _close(self) -> bool:
-        samples = self._samples
-        if self._number is None or samples < MIN_SAMPLES or self._is_clipped:
+        if self._number is None or len(self._samples) < MIN_SAMPLES:
             return False
+        times_us, rates, forces, _, clipped = zip(*self._samples, strict=True)
+        if any(clipped):
+            return False
+        samples = len(times_us)
         means = {
-            InertialSensor.GYRO: self._rates.mean(samples),
-            InertialSensor.ACCELEROMETER: self._forces.mean(samples),
+            InertialSensor.GYRO: _mean_of(rates),
+            InertialSensor.ACCELEROMETER: _mean_of(forces),
         }
-        self.closed = _Window(self._number, self._times_us / samples, samples, means)
+        self.closed = _Window(self._number, sum(times_us) / samples, samples, means)
         return True
 
 
@@ -494,6 +473,7 @@ class Voting:
         self._pairs: dict[tuple[InertialSensor, int, int], _Pair] = {}
         self._wrong: dict[tuple[InertialSensor, int], int] = {}  # and when it was named
         self._names: dict[tuple[InertialSensor, int], Alarm] = {}
+        self._verdicts: dict[int, Verdict] = {}  # since the last window that was closed
         self._t_us = 0
 
     def take(self, imu: int, sample: ImuSample) -> None:
@@ -504,6 +484,7 @@ class Voting:
         if not mine.take(sample):
             return
         self._t_us = sample.t_us
+        self._verdicts.clear()
         assert mine.closed is not None
         for number, other in self._imus.items():
             if number != imu and other.closed and other.closed.number == mine.closed.number:
@@ -537,6 +518,10 @@ class Voting:
             By how much the zero of a gyro that is heard again has moved, rad/s.
         """
         moved: dict[int, Vec3] = {}
+        apart = [both for both in self._pairs.values() if both.test.is_raised]
+        if not (apart or excluded or self._wrong):
+            return moved
+        self._verdicts.clear()
         for part in InertialSensor:
             pairs = {(i, j): pair for (of, i, j), pair in self._pairs.items() if of is part}
             for (i, j), pair in list(pairs.items()):
@@ -614,6 +599,12 @@ class Voting:
 
     def verdict(self, imu: int) -> Verdict:
         """What is known of an IMU."""
+        found = self._verdicts.get(imu)
+        if found is None:
+            found = self._verdicts[imu] = self._judged(imu)
+        return found
+
+    def _judged(self, imu: int) -> Verdict:
         if not self._pairs:
             return Verdict()
         mine = [(part, pair) for (part, i, j), pair in self._pairs.items() if imu in (i, j)]

@@ -57,5 +57,6 @@ class Watch:
         Returns:
             The bits of `kernel.windows.follow`.
         """
-        self._give_rate(*w_b)
+        p, q, r = w_b
+        self._give_rate(p, q, r)
         return self._follow()

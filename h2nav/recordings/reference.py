@@ -6,6 +6,7 @@ it. ATTITUDE is the autopilot's own estimate, stamped with its time since boot.
 
 import math
 from array import array
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.maths.attitude_errors import errors, honesty, root_mean_square
 from h2nav.maths.quaternion import to_euler
 from h2nav.maths.rows import Array, from_euler, wrapped
+from h2nav.recordings.frame_tables import FrameTable
 from h2nav.wire import codec
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.deframer import Frame
@@ -94,6 +96,12 @@ class TimedAttitudes:
         self.t_us.append(t_us)
         self.angles.extend((roll, pitch, yaw))
 
+    def extend(self, t_us: NDArray[np.int64], fields: NDArray[Any]) -> None:
+        """Appends many, by the fields of their messages."""
+        angles = np.stack([fields[name] for name in ("roll", "pitch", "yaw")], axis=1)
+        self.t_us.frombytes(t_us.astype(np.int64).tobytes())
+        self.angles.frombytes(angles.astype(np.float64).tobytes())
+
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
         """(N,) times, us, and (N, 3) angles, rad."""
         return np.array(self.t_us), np.array(self.angles).reshape(-1, 3)
@@ -149,6 +157,14 @@ class Reference:
             fields = codec.decode(frame)
             t_us = fields.time_boot_ms * 1000
             self._autopilot.add(t_us, fields.roll, fields.pitch, fields.yaw)
+
+    def tables(self, found: Mapping[int, FrameTable]) -> None:
+        """Adds the attitudes of a whole recording, by tables of `message_ids`."""
+        truth, autopilot = found[SIMSTATE], found[ATTITUDE]
+        self._truth.extend(truth.t_ns // 1000, truth.fields)
+        of_autopilot = autopilot.senders[:, 1] == mavlink.MAV_COMP_ID_AUTOPILOT1
+        fields = autopilot.fields[of_autopilot]
+        self._autopilot.extend(fields["time_boot_ms"].astype(np.int64) * 1000, fields)
 
     def message(self, message: Message) -> None:
         """Adds the attitude in an event of an autopilot's own log."""

@@ -127,7 +127,7 @@ class Autopilot:
         self._landed: Slow[bool | None] = Slow(None, STATE_HOLD_NS)
         self._heard_ns = 0
         self._trial_since_ns = 0
-        self._has_imu = False
+        self.has_imu = False  # the bound one has sent IMU messages
         self.identity: Identity | None = None
         self.is_confirmed = False
 
@@ -158,7 +158,7 @@ class Autopilot:
 
     def brings_imu(self) -> None:
         """Notes an IMU message of the bound autopilot."""
-        self._has_imu = True
+        self.has_imu = True
 
     def take_landed_state(self, t_ns: int, on_ground: bool | None) -> None:
         """Takes EXTENDED_SYS_STATE."""
@@ -184,7 +184,7 @@ class Autopilot:
         assert self.identity is not None
         self._heard_ns = t_ns
         self._armed.take(t_ns, heartbeat.is_armed)
-        self.is_confirmed |= self._has_imu and count >= CONFIRMING_HEARTBEATS
+        self.is_confirmed |= self.has_imu and count >= CONFIRMING_HEARTBEATS
         if self._kind.take(t_ns, (heartbeat.autopilot, heartbeat.vehicle_type)):
             self.identity = Identity(*self.identity.address, *self._kind.value)
             return Heard.BOUND
@@ -197,11 +197,11 @@ class Autopilot:
         self._armed = Slow(heartbeat.is_armed, STATE_HOLD_NS)
         self._landed = Slow(None, STATE_HOLD_NS)
         self._heard_ns = self._trial_since_ns = t_ns
-        self._has_imu = self.is_confirmed = False
+        self.has_imu = self.is_confirmed = False
         return Heard.BOUND
 
     def _gives_way(self, t_ns: int) -> bool:
         if self.is_confirmed:
             return t_ns - self._heard_ns > GIVEN_UP_NS
         is_silent = t_ns - self._heard_ns > TRIAL_NS
-        return is_silent or (not self._has_imu and t_ns - self._trial_since_ns > TRIAL_NS)
+        return is_silent or (not self.has_imu and t_ns - self._trial_since_ns > TRIAL_NS)

@@ -105,9 +105,9 @@ class BeforeArming:
         self._others = others
         self._preflight = Preflight()
         self._since_ns: dict[tuple[Item, str], int] = {}
-        self._looked_ns = 0
+        self.due_ns = LOOK_NS  # of the next look, unless armed
         self._unused: dict[int, bool] = {}
-        self._is_armed = False
+        self.is_armed = False  # by the heartbeat: nothing is checked
         self._undisturbed_ns: int | None = None
         self.verdict = GroundVerdict()
         self._is_judged = False
@@ -120,16 +120,16 @@ class BeforeArming:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why not to arm, for people; none while armed."""
-        if self._is_armed:
+        if self.is_armed:
             return ()
         named = frozenset(fault.part for fault in self.faults if fault.part)
         return (*(fault.text for fault in self.faults), *self._others(named))
 
     def armed(self, is_armed: bool) -> None:
         """Takes the armed state from the heartbeat."""
-        if is_armed != self._is_armed:
+        if is_armed != self.is_armed:
             self.restart()
-        self._is_armed = is_armed
+        self.is_armed = is_armed
 
     def restart(self) -> None:
         """Forgets everything, for another autopilot or another epoch."""
@@ -140,7 +140,7 @@ class BeforeArming:
 
     def on_sample(self, imu: int, sample: ImuSample, *, field_is_raw: bool) -> None:
         """Takes a sample of an IMU, by its number from 0; see `Preflight.on_sample`."""
-        if not self._is_armed:
+        if not self.is_armed:
             self._preflight.on_sample(imu, sample, field_is_raw=field_is_raw)
 
     def on_earth(self, field: EarthField) -> None:
@@ -168,7 +168,7 @@ class BeforeArming:
     def messages(self) -> list[OutMessage]:
         """The opinion for ArduPilot's applet, after what is wrong."""
         opinion, reasons = self.opinion, self.reasons or (NOTHING_KNOWN,)
-        if opinion == 1 or self._is_armed:
+        if opinion == 1 or self.is_armed:
             return [outbound.arming_opinion(opinion)]
         more = f" +{len(reasons) - 1}" if len(reasons) > 1 else ""
         text = reasons[0][: outbound.ARMING_REASON_SIZE - len(more)] + more
@@ -185,9 +185,9 @@ class BeforeArming:
 
     def look(self, t_ns: int) -> list[Effect]:
         """Called at each sample; reports faults that have begun to last."""
-        if self._is_armed or t_ns - self._looked_ns < LOOK_NS:
+        if self.is_armed or t_ns < self.due_ns:
             return []
-        self._looked_ns = t_ns
+        self.due_ns = t_ns + LOOK_NS
         self.verdict = self._preflight.verdict
         if self.reasons:
             self._undisturbed_ns = None

@@ -55,8 +55,8 @@ class Comparing:
         self._reports: dict[AttitudeSource, LatestReport] = {}
         self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
 
-    def heeds(self, t_ns: int, message_id: int) -> bool:
-        """Whether this message of `MESSAGES` is due for comparison."""
+    def on_arrival(self, t_ns: int, message_id: int) -> bool:
+        """Counts a message of `MESSAGES`; returns whether it is due for comparison."""
         return self._limits[message_id].allows(t_ns)
 
     def idle_until_ns(self, message_id: int) -> int:

@@ -20,7 +20,6 @@ from h2nav.integrity.compasses import SAME_TIME_US, Compasses, Level
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
-from h2nav.integrity.sensor_checks import VIBRATION_M_S2
 from h2nav.integrity.voting import FieldVoting, InertialSensor, Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.service.autopilot import Identity
@@ -28,7 +27,7 @@ from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
 from h2nav.service.intake import Incoming, Need
-from h2nav.service.lane import NO_STEP, SILENT_NS, FilterFor, Lane, Step
+from h2nav.service.lane import SILENT_NS, FilterFor, Lane, Step
 from h2nav.service.lane_selection import CLEARLY, Condition, LaneSelection, Switch, SwitchCause
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.records import LaneRecord
@@ -67,6 +66,11 @@ class SentSample(NamedTuple):
     is_accused: bool = False
 
 
+NOTHING_SENT = SentSample()
+Takers = tuple[tuple[Lane, Need], ...]
+NO_ROUTE: tuple[int, Takers] = (0, ())
+
+
 class Estimation:
     """The lanes of one autopilot.
 
@@ -92,13 +96,15 @@ class Estimation:
         self._selection = LaneSelection()
         self._shaking = ReportedVibration()
         self._is_ardupilot = False
-        self._twins: list[tuple[Lane, Lane, Twins]] = []
+        self._twins: dict[int, list[tuple[Lane, Lane, Twins]]] = {}  # by the IMU of either
+        self._are_several = False
         self._compasses = Compasses()
         self._looked_ns = 0
         self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
-        self._takers: list[tuple[Lane, Need]] = []
+        # by message id: who takes it, and until when (host ns) that holds if nothing happens
+        self._routes: dict[int, tuple[int, Takers]] = {}
         self._rejected: Counter[str] = Counter()
         self.used = 0
 
@@ -118,13 +124,16 @@ class Estimation:
         self._selection = LaneSelection()
         self._shaking = ReportedVibration()
         self._is_ardupilot = identity.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
-        self._twins = [
-            (one, other, Twins()) for one, other in itertools.combinations(self._lanes, 2)
-        ]
+        self._twins = {lane.imu: [] for lane in self._lanes}
+        for one, other in itertools.combinations(self._lanes, 2):
+            pair = one, other, Twins()
+            self._twins[one.imu].append(pair)
+            self._twins[other.imu].append(pair)
+        self._are_several = len(self._lanes) > 1
         self._epoch_ns = None
         self._begin_epoch()
         self._compasses = Compasses(self._field)
-        self._takers = []
+        self._routes.clear()
         for lane in self._lanes:
             if self._field is not None:
                 lane.use_field(self._field)
@@ -243,50 +252,75 @@ class Estimation:
         """Counts a rejected reading."""
         self._rejected[reason] += 1
 
-    def considers(self, t_ns: int, message_id: int) -> bool:
-        """Whether any lane needs this message, decided before it is decoded.
+    def on_arrival(self, t_ns: int, message_id: int) -> bool:
+        """Ends rests that are over; returns whether any lane needs this message."""
+        route = self._routes.get(message_id)
+        if route is not None and t_ns < route[0]:
+            return bool(route[1])
+        for lane in self._lanes:
+            lane.wake(t_ns)
+        return bool(self._takers(t_ns, message_id))
 
-        The answer holds for the next `take` or `refuse`.
-        """
+    def _takers(self, t_ns: int, message_id: int) -> Takers:
+        """Who needs a message, decided before it is decoded."""
+        route = self._routes.get(message_id)
+        if route is not None and t_ns < route[0]:
+            return route[1]
         needs = [(lane, lane.need(t_ns, message_id)) for lane in self._lanes]
-        self._takers = [taker for taker in needs if taker[1]]
-        return bool(self._takers)
+        takers = tuple(taker for taker in needs if taker[1])
+        until_ns = min([lane.needs_until_ns(message_id, need) for lane, need in needs])
+        self._routes[message_id] = until_ns, takers
+        return takers
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
-        """Takes a reading of the bound autopilot for which `considers` was True."""
-        steps: dict[int, Step] = {}
+        """Takes a reading of the bound autopilot for which `on_arrival` was True."""
+        self._note_arrival(t_ns)
+        incoming = Incoming(t_ns, message_id, reading, self._newest if self._has_sent else None)
+        steps: list[tuple[Lane, Step]] = []
         is_accused = False
+        for lane, need in self._takers(t_ns, message_id):
+            before = lane.newest
+            step = lane.take(incoming, need)
+            newest = lane.newest
+            if self._are_several and newest is not None and newest is not before:
+                self._voting.take(lane.imu, newest)
+                self._find_twins(t_ns, lane)
+            if step.sample is None:
+                if need is not Need.FIELD:
+                    self._routes.clear()  # another message may have to feed the lane
+                is_accused |= step.is_accused
+                continue
+            is_accused |= step.is_accused
+            steps.append((lane, step))
+            if not self._before_arming.is_armed:
+                seen = newest or step.sample  # with a field that the filter does not use
+                self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
+        if self._routes.get(message_id, NO_ROUTE)[0] <= t_ns:
+            self._routes.clear()  # the reading has made this message the one in use
+        switched = ""
+        if self._are_several and (is_accused or t_ns - self._looked_ns >= LOOK_NS):
+            switched = self._look(t_ns)
+        sent = NOTHING_SENT if not switched else SentSample(switched=switched)
+        for lane, step in steps:
+            if lane is self._sent:
+                sent = self._sendable(t_ns, step, switched)
+        return sent._replace(is_accused=True) if is_accused else sent
+
+    def _note_arrival(self, t_ns: int) -> None:
         if self._first_ns is None:
             self._first_ns = t_ns
         if t_ns - self._heard_ns > SILENT_NS:
             for lane in self._lanes:
                 lane.resume(t_ns)
         self._heard_ns = t_ns
-        newest = self._newest if self._has_sent else None
-        incoming = Incoming(t_ns, message_id, reading, newest)
-        for lane, need in self._takers:
-            before = lane.newest
-            step = lane.take(incoming, need)
-            is_accused |= step.is_accused
-            if self._twins and lane.newest is not None and lane.newest is not before:
-                self._voting.take(lane.imu, lane.newest)
-                self._find_twins(t_ns, lane)
-            if step.sample is not None:
-                steps[lane.imu] = step
-                seen = lane.newest or step.sample  # with a field that the filter does not use
-                self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
-        switched = ""
-        if self._twins and (is_accused or t_ns - self._looked_ns >= LOOK_NS):
-            switched = self._look(t_ns)
-        sent = self._sendable(t_ns, steps.get(self._lane.imu, NO_STEP), switched)
-        return sent._replace(is_accused=True) if is_accused else sent
 
-    def refuse(self, t_ns: int, reason: str) -> None:
-        """Counts a rejected reading for which `considers` was True."""
-        for lane, _ in self._takers[:1]:
+    def refuse(self, t_ns: int, message_id: int, reason: str) -> None:
+        """Counts a rejected reading for which `on_arrival` was True."""
+        for lane, _ in self._takers(t_ns, message_id)[:1]:
             lane.refuse(t_ns, reason)
             if lane.is_refused and lane is not self._sent:
                 lane.rest(t_ns)
+                self._routes.clear()
 
     def idle_until_ns(self, message_id: int) -> int:
         """The host time until which a message that is not needed stays so.
@@ -332,10 +366,10 @@ class Estimation:
         return self._sent
 
     def _sendable(self, t_ns: int, step: Step, switched: str) -> SentSample:
-        """The part of a step that is sent, if its lane is; its times only increase."""
-        (sample, unled, of_step, _), lane = step, self._lane
-        if sample is None:
-            return SentSample(switched=switched)
+        """What is sent of a step of the lane that is sent; its times only increase."""
+        (sample, unled, of_step, _), lane = step, self._sent
+        assert sample is not None
+        assert lane is not None
         event = lane.pop_event()
         if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
             event = None if of_step is None else event
@@ -381,11 +415,9 @@ class Estimation:
             lane.use_votes(self._voting.verdict(imu))
 
     def _condition(self, t_ns: int, lane: Lane) -> Condition:
-        found, shaking = lane.condition(t_ns, self._lane), self._shaking
-        clips = shaking.clips(lane.imu, t_ns) > 0
         # VIBRATION does not name the IMU: the noise of the lanes shows which it is.
-        is_shaken = clips or shaking.is_high(t_ns) or found.noise_m_s2 > VIBRATION_M_S2
-        return found._replace(is_shaken=is_shaken)
+        shaken = self._shaking.clips(lane.imu, t_ns) > 0 or self._shaking.is_high(t_ns)
+        return lane.condition(t_ns, self._lane, is_reported=shaken)
 
     def _first_lane(self, t_ns: int) -> Lane:
         """The first lane with samples; waits briefly for the preferred one."""
@@ -398,11 +430,11 @@ class Estimation:
 
     def _find_twins(self, t_ns: int, lane: Lane) -> None:
         """Compares a lane's newest sample with those of all others."""
-        for one, other, twins in self._twins:
-            if lane not in (one, other) or one.newest is None or other.newest is None:
-                continue
-            if twins.compare(one.newest, other.newest):
+        for one, other, twins in self._twins[lane.imu]:
+            first, second = one.newest, other.newest
+            if first is not None and second is not None and twins.compare(first, second):
                 (one if other is self._sent else other).rest(t_ns)
+                self._routes.clear()
 
     def _compare_compasses(self, t_ns: int) -> None:
         """Compares all IMUs' fields through one attitude: from velocities, or the sent one."""

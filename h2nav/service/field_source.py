@@ -9,7 +9,7 @@ of that field (`sensor_delays`).
 
 from h2nav.attitude.samples import Vec3
 from h2nav.service.limits import SECOND_NS
-from h2nav.wire.imu import IDS_BY_NAME, ImuMessage, ImuReading
+from h2nav.wire.imu import IDS_BY_NAME, ImuMessage
 
 CALIBRATED_ID = IDS_BY_NAME["HIGHRES_IMU"]
 # A calibrated field may have to be requested: wait this long before a raw one counts.
@@ -53,23 +53,24 @@ class FieldSource:
         if field is not None:
             self._waiting, self._heard_ns = field, t_ns
 
-    def choose(self, t_ns: int, message: ImuMessage, reading: ImuReading) -> ImuReading:
-        """Returns the reading with the field for the sample."""
-        if not self._may_borrow(message):
-            self.is_raw = self._autopilot in message.raw_field_of
-            if message.message_id == CALIBRATED_ID and reading.m_b_ut is not None:
+    def choose(self, t_ns: int, message: ImuMessage, own: Vec3 | None) -> Vec3 | None:
+        """The field of a sample, by the field of its own message."""
+        is_raw = self._autopilot in message.raw_field_of
+        if not (is_raw and self._lends):
+            self.is_raw = is_raw
+            if own is not None and message.message_id == CALIBRATED_ID:
                 self._waiting, self._heard_ns = None, t_ns
-            return reading
+            return own
         if self._since_ns is None:
             self._since_ns = t_ns
         if self._waiting is not None:
             field, self._waiting = self._waiting, None
             self.has_lent, self.is_raw = True, False
-            return reading._replace(m_b_ut=field)
+            return field
         if self._hopes(t_ns):
-            return reading._replace(m_b_ut=None)
+            return None
         self.is_raw = True
-        return reading
+        return own
 
     def _may_borrow(self, message: ImuMessage) -> bool:
         return self._lends and self._autopilot in message.raw_field_of

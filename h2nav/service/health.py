@@ -4,8 +4,6 @@ from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 
 class ServiceState(Enum):
     """Ordered from worst to best; the value is its name in logs."""
@@ -18,14 +16,6 @@ class ServiceState(Enum):
     ACTIVE = "active"
 
 
-SYSTEM_STATUS = {
-    ServiceState.NO_LINK: mavlink.MAV_STATE_BOOT,
-    ServiceState.NO_AUTOPILOT: mavlink.MAV_STATE_BOOT,
-    ServiceState.NO_IMU: mavlink.MAV_STATE_STANDBY,
-    ServiceState.ALIGNING: mavlink.MAV_STATE_STANDBY,
-    ServiceState.DEGRADED: mavlink.MAV_STATE_CRITICAL,
-    ServiceState.ACTIVE: mavlink.MAV_STATE_ACTIVE,
-}
 # An older estimate does not count.
 SILENT_IMU_NS = 500_000_000
 LOW_RATE_SHARE = 0.5

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import ImuSample
 from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
-from h2nav.service.imu_choice import ImuChoice, LaneMessages
+from h2nav.service.imu_choice import FOREVER_NS, ImuChoice, LaneMessages
 from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity, Shown
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
@@ -14,6 +14,8 @@ from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 
 # Two clocks under one identity are an objection for this long.
 CONTESTED_NS = 5 * SECOND_NS
+NEXT = TimeVerdict.NEXT
+TELLING_IDS = frozenset({ANYONES_ID, FIRST_ID})
 NEW_EPOCHS = (TimeVerdict.REBOOT, TimeVerdict.NEW_EPOCH)
 
 
@@ -56,6 +58,7 @@ class Intake:
 
     Attributes:
         newest_us: time of the newest sample of this epoch; None before the first.
+        field_is_raw: the field of the newest sample is the sensor's, not calibrated.
     """
 
     def __init__(self, messages: LaneMessages, autopilot: int, *, lends: bool) -> None:
@@ -73,6 +76,7 @@ class Intake:
         self._contested_line: int | None = None
         self._contested_ns: int | None = None
         self.newest_us: int | None = None
+        self.field_is_raw = False
         self._is_left = False
 
     @property
@@ -85,11 +89,6 @@ class Intake:
         """Whether the autopilot flies on another IMU, whose samples HIGHRES_IMU shows."""
         row = self._choice.chosen
         return self._is_left and row is not None and row.message_id == FIRST_ID
-
-    @property
-    def field_is_raw(self) -> bool:
-        """Whether the latest field is the sensor's, not calibrated."""
-        return self._fields.is_raw
 
     @property
     def has_lent(self) -> bool:
@@ -119,6 +118,19 @@ class Intake:
         lends = message_id == CALIBRATED_ID and self._fields.is_wanted(self._choice.chosen)
         return Need.FIELD if lends else Need.NONE
 
+    def needs_until_ns(self, message_id: int, need: Need) -> int:
+        """The host time until which an answer of `need` holds while other messages come.
+
+        A message that only identifies, or would be the first of the lane, is asked for anew.
+        """
+        if need is Need.SAMPLE:
+            chosen = self._choice.chosen
+            is_in_use = chosen is not None and chosen.message_id == message_id
+            return FOREVER_NS if is_in_use else 0
+        if need is Need.IDENTITY:
+            return 0
+        return self.idle_until_ns(message_id) if message_id in self._ids else FOREVER_NS
+
     def idle_until_ns(self, message_id: int) -> int:
         """The host time until which a message that is not needed stays so."""
         if message_id == CALIBRATED_ID and not self._choice.is_settled:
@@ -137,29 +149,33 @@ class Intake:
     def take(self, incoming: Incoming, need: Need) -> Arrived:
         """Takes a reading; `need` is the answer to whether it is needed."""
         t_ns, message_id, reading, newest_sent = incoming
-        if self._only_identifies(incoming, need):
+        is_telling = self._can_identify and message_id in TELLING_IDS
+        if is_telling and self._only_identifies(incoming, need):
             return FIELD_ONLY
         if need is Need.FIELD or not (self._takes_others or reading.imu in (None, self._imu)):
             self._fields.take_field(t_ns, reading.m_b_ut)
             return FIELD_ONLY
         self._choice.takes(message_id, t_ns)
-        verdict, t_us = self._clock_for(message_id, newest_sent).advance(t_ns, reading.time)
-        self._note_contest(t_ns, verdict)
-        if verdict in NEW_EPOCHS:
-            self.restart()
-        elif verdict is not TimeVerdict.NEXT:
-            return Arrived(verdict)
+        clock = self._clock
+        if clock is None or self._clock_of != message_id:
+            clock = self._begin_clock(message_id, newest_sent)
+        verdict, t_us = clock.advance(t_ns, reading.time)
+        if verdict is not NEXT or self._contested_line is not None:
+            self._note_contest(t_ns, verdict)
+            if verdict in NEW_EPOCHS:
+                self.restart()
+            elif verdict is not NEXT:
+                return Arrived(verdict)
         self.newest_us, self._newest_ns = t_us, t_ns
-        _, w_b, f_b, m_b_ut, clipped, _, _ = self._fields.choose(
-            t_ns, IMU_MESSAGES[message_id], reading
-        )
-        return Arrived(verdict, tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
+        _, w_b, f_b, _, clipped, _, _ = reading
+        m_b_ut = self._fields.choose(t_ns, IMU_MESSAGES[message_id], reading.m_b_ut)
+        self.field_is_raw = self._fields.is_raw
+        sample = tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped))
+        return tuple.__new__(Arrived, (verdict, sample))
 
     def _only_identifies(self, incoming: Incoming, need: Need) -> bool:
         """Whether a reading is no sample, because it is another IMU's or beside the one in use."""
         t_ns, message_id, reading, _ = incoming
-        if message_id not in (ANYONES_ID, FIRST_ID) or not self._can_identify:
-            return False
         shown = self._identity.take(t_ns, message_id, reading, is_sample=need is Need.SAMPLE)
         row = self._choice.chosen
         chosen_id = None if row is None else row.message_id
@@ -179,13 +195,12 @@ class Intake:
         self.newest_us = None
         self._fields.restart()
 
-    def _clock_for(self, message_id: int, sent: tuple[int, int] | None) -> SampleClock:
-        if self._clock is None or self._clock_of != message_id:
-            newest_us, newest_ns = self.newest_us, self._newest_ns
-            if newest_us is None and sent is not None:
-                newest_us, newest_ns = sent
-            self._clock = SampleClock(IMU_MESSAGES[message_id].time_unit_us, newest_us, newest_ns)
-            self._clock_of = message_id
+    def _begin_clock(self, message_id: int, sent: tuple[int, int] | None) -> SampleClock:
+        newest_us, newest_ns = self.newest_us, self._newest_ns
+        if newest_us is None and sent is not None:
+            newest_us, newest_ns = sent
+        self._clock = SampleClock(IMU_MESSAGES[message_id].time_unit_us, newest_us, newest_ns)
+        self._clock_of = message_id
         return self._clock
 
     def _note_contest(self, t_ns: int, verdict: TimeVerdict) -> None:

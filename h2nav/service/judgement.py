@@ -38,6 +38,7 @@ class Judgement:
         self._findings = Findings()
         self._start_ns: int | None = None
         self._looked_ns = 0
+        self.due_ns = 0  # nothing is reported before this time, except at once
         self._again_ns = 0
         self._untold: set[tuple[str, Severity]] = set()  # alarms that have not been told yet
 
@@ -71,11 +72,12 @@ class Judgement:
         if self._start_ns is None:
             self._start_ns = t_ns
         if not at_once and t_ns - self._looked_ns < PERIOD_NS:
+            self.due_ns = self._looked_ns + PERIOD_NS
             return []
         if 0 < self._looked_ns < t_ns - QUIET_NS:
             # An alarm before a pause is not known to hold after it.
             self._again_ns = t_ns + AGAIN_NS
-        self._looked_ns = t_ns
+        self._looked_ns, self.due_ns = t_ns, t_ns + PERIOD_NS
         alarms = [alarm for one in self._judged for alarm in one.alarms()]
         if t_ns < self._again_ns:
             alarms = []

@@ -19,7 +19,8 @@ from h2nav.attitude.samples import (
 )
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
-from h2nav.integrity.sensor_checks import Use
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.sensor_checks import VIBRATION_M_S2, Use
 from h2nav.integrity.voting import InertialSensor, Suspicion, Verdict
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
@@ -33,7 +34,7 @@ from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.trust import LaneTrust
-from h2nav.wire.imu import Ages, ImuMessage
+from h2nav.wire.imu import ImuMessage
 
 FilterFor = Callable[[Identity], AttitudeFilter]
 SILENT_NS = ImuChoice.SILENT_NS
@@ -45,6 +46,8 @@ CALM_RATIO = 0.5
 FIXED_WING_SPEEDS = Speeds(30.0)
 OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
+# Members of enumerations cost a look-up each: these are asked for at every sample.
+ALL, NONE, NEXT = Use.ALL, Use.NONE, TimeVerdict.NEXT
 # What a lane's velocity says of its sensors, which their comparison with others knows better.
 BY_VELOCITY = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
 FROZEN_PARTS = {
@@ -62,6 +65,20 @@ class Step(NamedTuple):
     unled: AttitudeEstimate | None = None
     event: TimeVerdict | None = None  # REBOOT or NEW_EPOCH if the sample began a new epoch
     is_accused: bool = False  # the reading has shown that a sensor is faulty
+
+
+class _Rated(NamedTuple):
+    """The worst ratios of a monitor."""
+
+    of: InnovationRatios
+    inertial: float
+    field: float
+    suspicion: Suspicion
+
+
+def _rated(ratios: InnovationRatios) -> _Rated:
+    suspicion = Suspicion(ratios.of_velocity, ratios.of_turn)
+    return _Rated(ratios, ratios.of_inertial, ratios.of_field, suspicion)
 
 
 NO_STEP = Step()
@@ -115,7 +132,9 @@ class Lane:
         self.compass_is_wrong = False  # its field shows a wrong north, and is not used
         self.heading_is_wrong = False  # the filter still has the heading of such a field
         self._doubt_rad = 0.0
+        self._rated = _rated(self._monitor.ratios)
         self._verdict = Verdict()
+        self._told_verdict: Verdict | None = None  # the monitor knows of it
 
     # --- what is known ------------------------------------------------------------------------
 
@@ -172,7 +191,7 @@ class Lane:
     @property
     def ratio(self) -> float:
         """Test ratio of gyro and accelerometer: fails above 1, infinite = known to be faulty."""
-        return math.inf if self._trust.sensor_is_bad else self._monitor.ratios.of_inertial
+        return math.inf if self._trust.sensor_is_bad else self._worst_ratios.inertial
 
     @property
     def field_is_raw(self) -> bool:
@@ -206,22 +225,25 @@ class Lane:
         """Why nothing of a stream that was usable is any more; empty if it is."""
         return self._trust.lost if self._was_used else ""
 
-    def condition(self, t_ns: int, sent: "Lane") -> Condition:
+    def condition(self, t_ns: int, sent: "Lane", *, is_reported: bool) -> Condition:
         """The inputs of the selection for this lane.
 
         Args:
             t_ns: host time.
             sent: the lane that is sent; if it is silent, any rate suffices.
+            is_reported: the autopilot reports that it vibrates.
         """
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or sent.is_left or self.rate_hz >= enough_hz
+        vibration_m_s2 = self._monitor.vibration_m_s2
         may_follow = self.has_estimate and not self.is_spoilt and has_rate
         return Condition(
             may_follow,
             self.is_silent(t_ns) or self.is_left,
             self.ratio,
-            self._monitor.ratios.of_field,
-            self._monitor.vibration_m_s2,
+            self._worst_ratios.field,
+            vibration_m_s2,
+            is_shaken=is_reported or vibration_m_s2 > VIBRATION_M_S2,
             compass_is_wrong=self.compass_is_wrong,
         )
 
@@ -251,8 +273,14 @@ class Lane:
     @property
     def suspicion(self) -> Suspicion:
         """What contradicts its attitude."""
-        ratios = self._monitor.ratios
-        return Suspicion(ratios.of_velocity, ratios.of_turn)
+        return self._worst_ratios.suspicion
+
+    @property
+    def _worst_ratios(self) -> "_Rated":
+        """The worst of the monitor's ratios, which change less often than they are asked for."""
+        if self._rated.of is not self._monitor.ratios:
+            self._rated = _rated(self._monitor.ratios)
+        return self._rated
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples."""
@@ -265,8 +293,19 @@ class Lane:
     # --- readings -----------------------------------------------------------------------------
 
     def need(self, t_ns: int, message_id: int) -> Need:
-        """What this message is needed for now; asked once, before it is decoded."""
+        """What this message is needed for now; asked before it is decoded."""
         return Need.NONE if self._trust.rests(t_ns) else self._intake.need(t_ns, message_id)
+
+    def needs_until_ns(self, message_id: int, need: Need) -> int:
+        """The host time until which an answer of `need` holds, if nothing happens to the lane."""
+        rests_until_ns = self._trust.rests_until_ns
+        if rests_until_ns is not None:
+            return rests_until_ns
+        return self._intake.needs_until_ns(message_id, need)
+
+    def wake(self, t_ns: int) -> None:
+        """Ends a rest that is over."""
+        self._trust.wake(t_ns)
 
     def idle_until_ns(self, message_id: int) -> int:
         """The host time until which a message that is not needed stays so."""
@@ -278,16 +317,33 @@ class Lane:
     def take(self, incoming: Incoming, need: Need) -> Step:
         """Takes a reading; `need` is the answer to whether it is needed."""
         verdict, sample = self._intake.take(incoming, need)
-        t_ns, ages = incoming.t_ns, incoming.reading.ages
+        t_ns, event = incoming.t_ns, None
         if sample is None:
             if verdict is not None:
                 self._trust.refuse(t_ns, verdict.value)
             return NO_STEP
-        if verdict not in NEW_EPOCHS:
-            return self._step(t_ns, sample, ages, None)
-        self._event = verdict
-        self._begin_epoch()
-        return self._step(t_ns, sample, ages, verdict)
+        if verdict is not NEXT and verdict in NEW_EPOCHS:
+            self._event = event = verdict
+            self._begin_epoch()
+        self.newest = sample
+        usable, is_accused = self._usable(t_ns, sample)
+        if usable is None:
+            return ACCUSED if is_accused else NO_STEP
+        ages, t_us = incoming.reading.ages, usable.t_us
+        if self.timing.sampled(t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
+            self._filter.use_delays(self.timing.delays)
+            self._monitor.use_delays(self.timing.delays)
+        bias = self._bias
+        try:
+            unled = (
+                bias.update(self._filter, usable) if bias.differs else self._filter.update(usable)
+            )
+        except ArithmeticError:
+            # A filter must not raise; if it does, the vehicle still needs the next attitude.
+            self._restart("filter_error")
+            return Step(usable, event=event, is_accused=is_accused)
+        self._unled = unled if unled is None else self._checked(usable, unled)
+        return tuple.__new__(Step, (usable, self._unled, event, is_accused))
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a rejected reading."""
@@ -343,7 +399,9 @@ class Lane:
 
     def use_votes(self, verdict: Verdict) -> None:
         """Takes what the comparison with the sensors of other IMUs says of its own."""
-        self._verdict = verdict
+        if verdict is self._told_verdict:
+            return
+        self._verdict = self._told_verdict = verdict
         self._monitor.use_agreed(
             gyro=InertialSensor.GYRO in verdict.agreed,
             accelerometer=InertialSensor.ACCELEROMETER in verdict.agreed,
@@ -393,7 +451,7 @@ class Lane:
         """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
         self.newest = self._unled = None
-        self._monitor = self._monitor.anew()
+        self._monitor, self._told_verdict = self._monitor.anew(), None
         self.timing.restart()
         self._trust.renew()
 
@@ -403,48 +461,36 @@ class Lane:
         self._intake.restart()
         self._begin_epoch()
 
-    def _step(
-        self, t_ns: int, sample: ImuSample, ages: Ages | None, event: TimeVerdict | None
-    ) -> Step:
-        self.newest = sample
-        use, is_at_end = self._monitor.check(sample), self._ends.holds(sample)
+    def _usable(self, t_ns: int, sample: ImuSample) -> tuple[ImuSample | None, bool]:
+        """What the filter may use of a sample, and whether a sensor has just proved faulty."""
+        monitor = self._monitor
+        use, is_at_end = monitor.check(sample), self._ends.holds(sample)
         before, self._use = self._use, use
-        is_accused = use is not Use.ALL and use is not before
-        if use is Use.NONE:
+        is_accused = use is not ALL and use is not before
+        if use is NONE:
             self._trust.refuse(t_ns, "frozen")
-            return ACCUSED if is_accused else NO_STEP
-        if before is Use.NONE:
+            return None, is_accused
+        if before is NONE:
             self._filter.restart()
-            self._monitor.restart()
+            monitor.restart()
         self._counted += 1
-        self._trust.accept()
+        if self._trust.refusals or self._trust.lost:
+            self._trust.accept()
         self._gap_ns = t_ns - (self.last_used_ns or t_ns)
         self.last_used_ns, self._was_used = t_ns, True
-        has_field = not self._monitor.field_is_frozen and not self.compass_is_wrong
-        if use is not Use.ALL or is_at_end or not has_field:
-            sample = _usable(sample, use, is_at_end=is_at_end, has_field=has_field)
-        if self.timing.sampled(sample.t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
-            self._filter.use_delays(self.timing.delays)
-            self._monitor.use_delays(self.timing.delays)
-        try:
-            unled = self._bias.update(self._filter, sample)
-        except ArithmeticError:
-            # A filter must not raise; if it does, the vehicle still needs the next attitude.
-            self._restart("filter_error")
-            return Step(sample, event=event, is_accused=is_accused)
-        # Attitude and rates are bounded, so a finite sum means that all of them are finite.
-        if unled is not None and not math.isfinite(sum(unled.q_nb) + sum(unled.w_b)):
-            self._restart("non_finite_estimate")
-            unled = None
-        if unled is not None:
-            self._monitor.add(sample, unled)
-            unled = self._monitor.opened(unled)
-            unled = self._opened(unled)
-        self._unled = unled
-        return Step(sample, unled, event, is_accused)
+        has_field = not monitor.field_is_frozen and not self.compass_is_wrong
+        if use is ALL and has_field and not is_at_end:
+            return sample, False
+        return _usable(sample, use, is_at_end=is_at_end, has_field=has_field), is_accused
 
-    def _opened(self, unled: AttitudeEstimate) -> AttitudeEstimate:
-        """The estimate with the doubts that other lanes cast on it."""
+    def _checked(self, sample: ImuSample, unled: AttitudeEstimate) -> AttitudeEstimate | None:
+        """An estimate that the monitor has seen, with the deviations that all have opened."""
+        # Attitude and rates are bounded, so a finite sum means that all of them are finite.
+        (w, x, y, z), (p, q, r) = unled.q_nb, unled.w_b
+        if not math.isfinite(w + x + y + z + p + q + r):
+            self._restart("non_finite_estimate")
+            return None
+        unled = self._monitor.add(sample, unled)
         of_sensors_rad, doubt_rad = self._verdict.open_rad, self._doubt_rad
         if of_sensors_rad == 0.0 and doubt_rad == 0.0:
             return unled

@@ -34,6 +34,7 @@ class Lateness:
 
     Attributes:
         late_ns: of the newest sample, beyond the usual; 0 before the first.
+        is_late: the newest estimate is too old to be sent.
     """
 
     def __init__(self) -> None:
@@ -41,7 +42,7 @@ class Lateness:
 
     def restart(self) -> None:
         """Restarts with the autopilot's clock."""
-        self.late_ns = 0
+        self.late_ns, self.is_late = 0, False
         self._clock = HostTime()
         self._zero_ns = 0  # the samples' time minus that of the exchanges
         self._newest: tuple[int, int] | None = None  # its own time and its arrival, ns
@@ -73,22 +74,24 @@ class Lateness:
             now_ns: host time at which its estimate would be sent.
             sample_us: its own time.
         """
-        sample_ns, before = sample_us * 1000, self._newest
-        if before is None and self._clock.is_known:
+        sample_ns, before, clock = sample_us * 1000, self._newest, self._clock
+        if before is None and clock.is_known:
             self._align(sample_ns, arrived_ns)
-        sent_ns = self._sent_ns(sample_ns)
+        sent_ns = clock.host_ns(sample_ns - self._zero_ns)
         delay_ns = arrived_ns - sent_ns
         late_since_ns = self._late_since_ns
         is_lasting = late_since_ns is not None and now_ns - late_since_ns > FORGIVEN_NS
-        if is_lasting and not self._clock.holds(arrived_ns):
+        if is_lasting and not clock.holds(arrived_ns):
             self._least_ns = None
-        if self._least_ns is not None and before is not None:
-            creep = CREEP_KNOWN if self._clock.holds(arrived_ns) else CREEP_UNKNOWN
+        least_ns = self._least_ns
+        if least_ns is not None and before is not None and delay_ns > least_ns:
+            creep = CREEP_KNOWN if clock.holds(arrived_ns) else CREEP_UNKNOWN
             crept_ns = round((arrived_ns - before[1]) * creep)
-            delay_ns = min(delay_ns, self._least_ns + max(crept_ns, 0))
+            delay_ns = min(delay_ns, least_ns + max(crept_ns, 0))
         self._least_ns, self._newest = delay_ns, (sample_ns, arrived_ns)
         self.late_ns = now_ns - sent_ns - delay_ns
-        if self.late_ns <= LATE_NS:
+        self.is_late = self.late_ns > LATE_NS
+        if not self.is_late:
             self._late_since_ns = None
         elif late_since_ns is None:
             self._late_since_ns = now_ns
@@ -100,11 +103,6 @@ class Lateness:
     def _align(self, sample_ns: int, arrived_ns: int) -> None:
         """Takes the samples' time, which may count from another origin, for that of exchanges."""
         self._zero_ns = sample_ns - self._clock.autopilot_ns(arrived_ns)
-
-    @property
-    def is_late(self) -> bool:
-        """Whether the newest estimate is too old to be sent."""
-        return self.late_ns > LATE_NS
 
     @property
     def is_doubted(self) -> bool:

@@ -27,6 +27,7 @@ Measurement = PoseReading | WheelDistances
 class MotionEstimation(Protocol):
     """The interface of motion estimation."""
 
+    is_estimated: bool  # it takes samples
     message_ids: frozenset[int]  # the messages that it uses, from any component of the vehicle
     wishes: tuple[Wish, ...]  # streams to request from the autopilot
 
@@ -52,6 +53,7 @@ class MotionEstimation(Protocol):
 class NoMotion:
     """Motion is not estimated."""
 
+    is_estimated = False
     message_ids: frozenset[int] = frozenset()
     wishes: tuple[Wish, ...] = ()
 

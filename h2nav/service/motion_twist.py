@@ -43,6 +43,8 @@ class TwistMotion:
         unix_offset_ns: host UNIX minus host monotonic time.
     """
 
+    is_estimated = True
+
     def __init__(
         self,
         settings: TwistObserverSettings,

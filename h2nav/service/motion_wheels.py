@@ -35,6 +35,7 @@ class WheelMotion:
         BadInput: a singular layout.
     """
 
+    is_estimated = True
     message_ids: frozenset[int] = frozenset({mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE})
 
     def __init__(

@@ -1,7 +1,7 @@
 """Schedules the outgoing messages of an estimate."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -74,12 +74,16 @@ class _Output(Generic[E]):
         make: creates the messages of an estimate.
         default_hz: the configured rate.
         rate_hz: the rate in force.
+        is_attitude: it is one of those that are counted.
         after_us: nothing is due between this time and `before_us`.
         before_us: see `after_us`.
     """
 
-    def __init__(self, make: Callable[[E], Messages], rate_hz: float) -> None:
+    def __init__(
+        self, make: Callable[[E], Messages], rate_hz: float, *, is_attitude: bool = False
+    ) -> None:
         self.make = make
+        self.is_attitude = is_attitude
         self.default_hz: float = rate_hz
         self.set_rate(rate_hz)
 
@@ -134,15 +138,19 @@ class Outputs:
         self._has_listener = has_listener
         self._attitudes: dict[int, _Output[AttitudeEstimate]] = {
             mavlink.MAVLINK_MSG_ID_ATTITUDE: _Output(
-                lambda estimate: (outbound.attitude(estimate),), settings.attitude_rate_hz
+                lambda estimate: (outbound.attitude(estimate),),
+                settings.attitude_rate_hz,
+                is_attitude=True,
             ),
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _Output(
                 lambda estimate: (outbound.attitude_quaternion(estimate),),
                 settings.attitude_quaternion_rate_hz,
+                is_attitude=True,
             ),
             mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION_COV: _Output(
                 lambda estimate: (outbound.attitude_quaternion_cov(estimate),),
                 settings.attitude_covariance_rate_hz,
+                is_attitude=True,
             ),
         }
         self._assessments: dict[int, _Output[AttitudeEstimate]] = {
@@ -164,6 +172,7 @@ class Outputs:
         }
         if odometry_rate_hz is not None:
             self._outputs[mavlink.MAVLINK_MSG_ID_ODOMETRY] = self._odometry
+        self._scheduled = (*self._attitudes.values(), *self._assessments.values())
         self._latest: AttitudeEstimate | None = None
         self._latest_motion: SentMotion | None = None
         # Nothing is due between these: two comparisons decide for most estimates.
@@ -171,23 +180,25 @@ class Outputs:
         self.sent = 0  # number of attitude messages since start
         self.are_held = False  # nothing is due, because the estimates are late
 
-    def due(self, estimate: AttitudeEstimate) -> list[OutMessage]:
+    def due(self, estimate: AttitudeEstimate) -> Sequence[OutMessage]:
         """Returns the messages to send for this attitude."""
-        self._latest = estimate
-        due: list[OutMessage] = []
-        if self._after_us < estimate.t_us < self._before_us:
-            return due
-        outputs = (*self._attitudes.values(), *self._assessments.values())
-        now = [output for output in outputs if output.is_due(estimate.t_us)]
-        self._after_us = max([output.after_us for output in outputs])
-        self._before_us = min([output.before_us for output in outputs])
-        if self.are_held:
-            return due
-        self.sent += sum(output in self._attitudes.values() for output in now)
-        if self._has_listener:
-            for output in now:
-                due += output.make(estimate)
-        return due
+        self._latest, t_us = estimate, estimate.t_us
+        if self._after_us < t_us < self._before_us:
+            return ()
+        now: list[_Output[AttitudeEstimate]] = []
+        after_us, before_us = -math.inf, math.inf
+        for output in self._scheduled:
+            if not output.after_us < t_us < output.before_us and output.is_due(t_us):
+                now.append(output)
+            after_us = max(after_us, output.after_us)
+            before_us = min(before_us, output.before_us)
+        self._after_us, self._before_us = after_us, before_us
+        if self.are_held or not now:
+            return ()
+        self.sent += len([output for output in now if output.is_attitude])
+        if not self._has_listener:
+            return ()
+        return [message for output in now for message in output.make(estimate)]
 
     def due_odometry(self, motion: SentMotion) -> Messages:
         """Returns ODOMETRY of this estimate, if due."""

@@ -13,6 +13,7 @@ class OwnBias:
     """Corrects the rates by the difference between this gyro's bias and that of the state."""
 
     def __init__(self) -> None:
+        self.differs = False  # the rates have to be corrected
         self._offset = NO_OFFSET
         self._known: list[tuple[int, Vec3]] = []
 
@@ -24,11 +25,12 @@ class OwnBias:
 
     def take_over(self, other: "OwnBias", bias_b: Vec3) -> None:
         """Notes that the filter has the state of another lane, with the bias `bias_b`."""
-        self._offset = NO_OFFSET
+        self._offset, self.differs = NO_OFFSET, False
         if self._known:
             (x, y, z), (u, v, w) = self._known[0][1], bias_b
             a, b, c = other._offset
             self._offset = (x - u + a, y - v + b, z - w + c)
+            self.differs = self._offset != NO_OFFSET
 
     def shift(self, moved: Vec3) -> None:
         """Notes by how much the gyro's zero has moved since it was known, rad/s."""
@@ -37,8 +39,6 @@ class OwnBias:
 
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
         """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""
-        if self._offset == NO_OFFSET:
-            return chosen.update(sample)
         (x, y, z), (a, b, c) = sample.w_b, self._offset
         unled = chosen.update(sample._replace(w_b=(x - a, y - b, z - c)))
         if unled is None:

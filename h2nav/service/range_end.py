@@ -68,22 +68,13 @@ class _Axes:
 
     def __init__(self, ranges: tuple[float, ...], offset: float) -> None:
         # Usual values: no range ends below.
-        self._usual = ranges[0] * (1.0 - SCALE_ERROR) - offset
+        self.usual = ranges[0] * (1.0 - SCALE_ERROR) - offset
         self._axes = [_Axis(ranges, offset) for _ in range(3)]
-        self._were_usual = True
 
     def any_at_end(self, values: Vec3) -> bool:
         """Takes a sample; returns whether one of the axes is at the end of its range."""
         x, y, z = values
-        usual = self._usual
-        if -usual < x < usual and -usual < y < usual and -usual < z < usual:
-            if not self._were_usual:
-                for axis in self._axes:
-                    axis.forget()
-                self._were_usual = True
-            return False
-        self._were_usual = False
-        found = False
+        usual, found = self.usual, False
         # Each axis has to see every sample.
         for axis, value, others in zip(self._axes, values, ((y, z), (z, x), (x, y)), strict=True):
             if abs(value) < usual:
@@ -99,7 +90,20 @@ class RangeEnds:
     def __init__(self) -> None:
         self._gyro = _Axes(GYRO_RANGES_RAD_S, GYRO_OFFSET_RAD_S)
         self._force = _Axes(FORCE_RANGES_M_S2, FORCE_OFFSET_M_S2)
+        self._usual = self._gyro.usual, self._force.usual
+        self._were_usual = True
 
     def holds(self, sample: ImuSample) -> bool:
         """Takes a sample; returns whether one of its axes is at the end of its range."""
+        _, (p, q, r), (x, y, z), _, _ = sample
+        rate, force = self._usual
+        is_usual = -rate < p < rate and -rate < q < rate and -rate < r < rate
+        if is_usual and -force < x < force and -force < y < force and -force < z < force:
+            # Usual values are forgotten at once: that nothing has changed is known then.
+            if not self._were_usual:
+                self._gyro.any_at_end(sample.w_b)
+                self._force.any_at_end(sample.f_b)
+                self._were_usual = True
+            return False
+        self._were_usual = False
         return self._gyro.any_at_end(sample.w_b) | self._force.any_at_end(sample.f_b)

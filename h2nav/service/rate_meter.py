@@ -54,10 +54,11 @@ class RateMeter:
 
     def arrived(self, message_id: int) -> None:
         """Counts a message."""
-        place = self._places.setdefault(message_id, len(self._counts))
-        if place == len(self._counts):
-            self._counts.append(0)
-        self._counts[place] += 1
+        try:
+            self._counts[self._places[message_id]] += 1
+        except KeyError:
+            self._places[message_id] = len(self._counts)
+            self._counts.append(1)
 
     def restart(self) -> None:
         """Forgets all arrivals."""

@@ -36,6 +36,9 @@ class TimeVerdict(Enum):
     NEW_EPOCH = "new_epoch"
 
 
+NEXT = TimeVerdict.NEXT
+
+
 class SampleClock:
     """Converts raw message times to `t_us`, which only increases inside one epoch.
 
@@ -83,10 +86,12 @@ class SampleClock:
         t_us = raw_us + self._wraps_us
         step_us = t_us - self._newest_us
         if 0 < step_us <= MAX_GAP_US:
-            if self._is_ahead(t_ns, step_us):
+            newest_ns = self._newest_ns
+            if newest_ns is not None and (step_us - AHEAD_US) * 1000 > t_ns - newest_ns:
+                # The stamp has advanced by more than the time since the newest one.
                 return self._try_candidate(t_ns, raw_us, TimeVerdict.STRAY)
             self._newest_us, self._newest_ns = t_us, t_ns
-            return TimeVerdict.NEXT, t_us
+            return NEXT, t_us
         if step_us == 0:
             return TimeVerdict.DUPLICATE, t_us
         if -LATE_US < step_us < 0:
@@ -97,12 +102,6 @@ class SampleClock:
             self._wraps_us += self._wrap_us
             return TimeVerdict.NEXT, self._accept(t_ns, t_us + self._wrap_us)
         return self._try_candidate(t_ns, raw_us, TimeVerdict.STRAY)
-
-    def _is_ahead(self, t_ns: int, step_us: int) -> bool:
-        """Whether the stamp has advanced by more than the time since the newest one."""
-        return self._newest_ns is not None and step_us * 1000 > t_ns - self._newest_ns + (
-            AHEAD_US * 1000
-        )
 
     def _is_alive(self, t_ns: int) -> bool:
         return self._newest_ns is not None and t_ns - self._newest_ns <= ALIVE_NS

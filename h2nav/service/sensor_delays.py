@@ -122,9 +122,19 @@ class SensorTiming:
 
         Source: docs/filter.md Eq. (41).
         """
-        period_s = self._period_at(t_us)
-        if period_s is None:
-            return False
+        before_us, self._newest_us, period_s = self._newest_us, t_us, self._period_s
+        if before_us is None:
+            if period_s is None:
+                return False
+        else:
+            step_s = (t_us - before_us) * 1e-6
+            if period_s is None:
+                period_s = step_s
+            else:
+                # A gap counts as two periods, so that it moves the mean little.
+                step_s = min(step_s, 2.0 * period_s)
+                period_s += (step_s - period_s) / PERIOD_SAMPLES
+            self._period_s = period_s
         if field_is_raw != self._field_is_raw or self._ages is None or ages is not self._shown:
             self._shown, self._field_is_raw = ages, field_is_raw
             self._ages = self.ages(field_is_raw=field_is_raw)
@@ -132,8 +142,10 @@ class SensorTiming:
         gyro_s = 0.0 if rates_s is None else rates_s - 0.5 * period_s
         field_s = gyro_s if field_s is None else field_s
         was_gyro_s, was_field_s = self.delays
-        gyro_change_s, field_change_s = abs(gyro_s - was_gyro_s), abs(field_s - was_field_s)
-        if gyro_change_s < LEAST_CHANGE_S and field_change_s < LEAST_CHANGE_S:
+        if (
+            -LEAST_CHANGE_S < gyro_s - was_gyro_s < LEAST_CHANGE_S
+            and -LEAST_CHANGE_S < field_s - was_field_s < LEAST_CHANGE_S
+        ):
             return False
         self.delays = SensorDelays(gyro_s, field_s)
         return True
@@ -148,16 +160,3 @@ class SensorTiming:
         is_rover = self._identity.is_rover
         cutoff_hz = DEFAULT_DRIVING_FILTER_HZ if is_rover else DEFAULT_FILTER_HZ
         return Ages(butterworth_delay_s(cutoff_hz), ARDUPILOT_FIELD_S)
-
-    def _period_at(self, t_us: int) -> float | None:
-        """The mean period; a gap counts as two periods, so that it moves the mean little."""
-        before_us, self._newest_us = self._newest_us, t_us
-        if before_us is None:
-            return self._period_s
-        step_s, period_s = (t_us - before_us) * 1e-6, self._period_s
-        if period_s is None:
-            period_s = step_s
-        else:
-            period_s += (min(step_s, 2.0 * period_s) - period_s) / PERIOD_SAMPLES
-        self._period_s = period_s
-        return period_s

@@ -24,10 +24,10 @@ from h2nav.service.before_arming import BeforeArming, reasons_in
 from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Notice, Record, Send, Used
-from h2nav.service.estimation import Estimation
+from h2nav.service.estimation import Estimation, SentSample
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.ground_stations import GroundStations
-from h2nav.service.health import SYSTEM_STATUS, Objection, ServiceState, Signs
+from h2nav.service.health import Objection, ServiceState, Signs
 from h2nav.service.imu_choice import lanes_wanted, preference
 from h2nav.service.judgement import Judgement
 from h2nav.service.lane import FilterFor
@@ -85,6 +85,15 @@ GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 PLACE_PAUSE_NS = SECOND_NS
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
+# MAV_STATE of our heartbeat.
+SYSTEM_STATUS = {
+    ServiceState.NO_LINK: mavlink.MAV_STATE_BOOT,
+    ServiceState.NO_AUTOPILOT: mavlink.MAV_STATE_BOOT,
+    ServiceState.NO_IMU: mavlink.MAV_STATE_STANDBY,
+    ServiceState.ALIGNING: mavlink.MAV_STATE_STANDBY,
+    ServiceState.DEGRADED: mavlink.MAV_STATE_CRITICAL,
+    ServiceState.ACTIVE: mavlink.MAV_STATE_ACTIVE,
+}
 SILENT_IMU = Objection("silent", "no IMU messages arrive")
 DENIED_IMU = Objection("denied", "the autopilot denies every IMU message")
 
@@ -155,6 +164,7 @@ class Service:
         self._asked_time_ns = 0
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
         self._streams: StreamRequests | None = None
+        self._count_arrival: Callable[[int], None] = _uncounted  # of the bound autopilot
         self._bound_address: Sender | None = None
         self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
         self._parameters_wanted = ParameterRequests()
@@ -311,32 +321,34 @@ class Service:
         may_bind = self._autopilot.may_be_replaced(envelope.t_ns)
         return is_autopilot and may_bind and self._autopilot.accepts(envelope.sender)
 
-    def heeds(self, t_ns: int, sender: Sender, message_id: int) -> bool:
-        """Whether a message has to be decoded; it is counted as having arrived in any case.
+    def on_arrival(self, t_ns: int, sender: Sender, message_id: int) -> bool:
+        """Counts a message that has arrived; returns whether it has to be read.
 
         Args:
             message_id: one of `message_ids`.
         """
-        if self._streams is not None and sender == self._bound_address:
-            self._streams.arrived(message_id)
-            if t_ns < self._idle_until_ns.get(message_id, 0):
+        if sender == self._bound_address:
+            self._count_arrival(message_id)
+            idle_until_ns = self._idle_until_ns.get(message_id)
+            if idle_until_ns is not None and t_ns < idle_until_ns:
                 return False
-            return self._heeds_own(t_ns, message_id)
+            return self._on_own_arrival(t_ns, message_id)
         if message_id in IMU_MESSAGES:
             bound = self._autopilot.identity is not None
             self._estimation.reject("other_sender" if bound else "before_binding")
             return False
         return message_id not in comparing.MESSAGES and message_id in READERS
 
-    def _heeds_own(self, t_ns: int, message_id: int) -> bool:
+    def _on_own_arrival(self, t_ns: int, message_id: int) -> bool:
         """The same for the bound autopilot; remembers how long the answer holds."""
         if message_id in IMU_MESSAGES:
-            self._autopilot.brings_imu()
-            if self._estimation.considers(t_ns, message_id):
+            if not self._autopilot.has_imu:
+                self._autopilot.brings_imu()
+            if self._estimation.on_arrival(t_ns, message_id):
                 return True
             idle_until_ns = self._estimation.idle_until_ns(message_id)
         elif message_id in comparing.MESSAGES:
-            if self._comparing.heeds(t_ns, message_id):
+            if self._comparing.on_arrival(t_ns, message_id):
                 return True
             idle_until_ns = self._comparing.idle_until_ns(message_id)
         else:
@@ -347,9 +359,9 @@ class Service:
         return False
 
     def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
-        """Takes a message for which `heeds` has just returned True."""
+        """Takes a message for which `on_arrival` has just returned True."""
         if isinstance(message, ImuReading):
-            return self._on_imu(envelope, message)
+            return self.on_imu(envelope, message)
         if isinstance(message, Heartbeat):
             return self._on_heartbeat(envelope, message)
         if isinstance(message, MOTION_MESSAGES):
@@ -383,7 +395,7 @@ class Service:
             return self.motion.on_refusal(envelope, reason)
         if self._autopilot.owns(envelope.sender):
             if envelope.message_id in IMU_MESSAGES:
-                self._estimation.refuse(envelope.t_ns, reason)
+                self._estimation.refuse(envelope.t_ns, envelope.message_id, reason)
             else:
                 self._refused[reason] += 1
         return []
@@ -425,7 +437,7 @@ class Service:
 
     def next_timer_ns(self, t_ns: int) -> int:
         """The latest time for the next call of `on_timer`."""
-        return min(t_ns + TIMER_NS, *(job.due_ns for job in self._jobs))
+        return min([t_ns + TIMER_NS, *[job.due_ns for job in self._jobs]])
 
     # --- what the autopilot says --------------------------------------------------------------
 
@@ -465,6 +477,7 @@ class Service:
             identity.autopilot,
             self._settings.autopilot.request_streams,
         )
+        self._count_arrival = self._streams.arrived
         self._bound_address = identity.address
         self._idle_until_ns.clear()
         self._parameters_wanted = ParameterRequests(
@@ -474,37 +487,51 @@ class Service:
         bound = self._notices.report(t_ns, Severity.INFO, f"bound to {identity.description}")
         return [*bound, self._delays_record()]
 
-    def _on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
-        t_ns = envelope.t_ns
-        outcome = self._estimation.take(t_ns, envelope.message_id, reading)
-        effects = self._judgement.look(t_ns, at_once=outcome.is_accused)
-        effects += self._before_arming.look(t_ns)
-        effects += self._tell_opinion(only_if_new=True)
-        if outcome.event is not None:
-            effects += self._on_new_epoch(t_ns, outcome.event)
-        if outcome.switched:
-            effects += self._notices.report(t_ns, Severity.WARNING, outcome.switched)
-        if outcome.is_accused:
-            effects += self._judge(envelope.now_ns)
-        sample, estimate = outcome.sample, outcome.estimate
-        if sample is None:
-            return effects
-        self._lateness.seen(t_ns, envelope.now_ns, sample.t_us)
-        self._outputs.hold(self._lateness.is_late)
-        self._pulse.sample(envelope.now_ns, is_fresh=not self._lateness.is_late)
+    def on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
+        """Takes an IMU message for which `on_arrival` has just returned True."""
+        t_ns, now_ns, _, message_id = envelope
+        sent = self._estimation.take(t_ns, message_id, reading)
+        _, _, _, event, switched, is_accused = sent
+        effects: list[Effect] = []
+        if is_accused or t_ns >= self._judgement.due_ns:
+            effects += self._judgement.look(t_ns, at_once=is_accused)
+        if t_ns >= self._before_arming.due_ns and not self._before_arming.is_armed:
+            effects += self._before_arming.look(t_ns)
+        if self._settings.output.arming_opinion:
+            effects += self._tell_opinion(only_if_new=True)
+        if event is not None:
+            effects += self._on_new_epoch(t_ns, event)
+        if switched:
+            effects += self._notices.report(t_ns, Severity.WARNING, switched)
+        if is_accused:
+            effects += self._judge(now_ns)
+        if sent.sample is not None:
+            self._on_sent(t_ns, now_ns, sent, sent.sample, effects)
+        return effects
+
+    def _on_sent(
+        self, t_ns: int, now_ns: int, sent: SentSample, sample: ImuSample, effects: list[Effect]
+    ) -> None:
+        """Adds the effects of a sample of the lane that is sent."""
+        estimate, lateness = sent.estimate, self._lateness
+        lateness.seen(t_ns, now_ns, sample.t_us)
+        is_late = lateness.is_late
+        if is_late is not self._outputs.are_held:
+            self._outputs.hold(is_late)
+        self._pulse.sample(now_ns, is_fresh=not is_late)
         # The attitude leaves before anything is logged.
         if estimate is not None:
             for message in self._outputs.due(estimate):
                 effects.append(self._send(message))
         # Rates and forces are late, and computations with them need the attitude of their time.
-        effects += self.motion.on_sample(t_ns, sample, outcome.unled)
-        effects.append(Used(sample, estimate, self._lateness.late_ns))
+        if self.motion.is_estimated:
+            effects += self.motion.on_sample(t_ns, sample, sent.unled)
+        effects.append(tuple.__new__(Used, (sample, estimate, lateness.late_ns)))
         effects += self._comparing.on_sample(sample, estimate)
         if not self._units.is_over:
             effects += self._check_units(t_ns, sample)
         if not self._standing.is_active:
-            effects += self._judge(envelope.now_ns)
-        return effects
+            effects += self._judge(now_ns)
 
     def _assessment(self) -> Assessment:
         return Assessment(
@@ -787,3 +814,7 @@ class Service:
 
     def _send_all(self, messages: Iterable[OutMessage]) -> list[Effect]:
         return [self._send(message) for message in messages]
+
+
+def _uncounted(_message_id: int) -> None:
+    """Nothing is bound."""

@@ -17,6 +17,7 @@ class Standing:
 
     Attributes:
         verdict: the present state.
+        is_active: it is active.
         lasted_ns: how long each state has lasted so far, by its name.
     """
 
@@ -24,14 +25,10 @@ class Standing:
         self._notices = notices
         self._reported = health.AT_START[:2]
         self.verdict: StateVerdict = health.AT_START
+        self.is_active = False
         self.lasted_ns: dict[str, int] = {}
         self._has_heard = False  # an autopilot, since the start
         self._judged_ns: int | None = None
-
-    @property
-    def is_active(self) -> bool:
-        """Whether the state is active."""
-        return self.verdict.state is ServiceState.ACTIVE
 
     @property
     def complaint(self) -> list[tuple[Severity, str]]:
@@ -41,6 +38,7 @@ class Standing:
     def judge(self, t_ns: int, signs: Signs) -> bool:
         """Judges the state; returns True if it, or its cause, has changed."""
         before, self.verdict = self.verdict, health.judge(signs, t_ns)
+        self.is_active = self.verdict.state is ServiceState.ACTIVE
         lasted_ns = 0 if self._judged_ns is None else max(t_ns - self._judged_ns, 0)
         name = before.state.value
         self.lasted_ns[name] = self.lasted_ns.get(name, 0) + lasted_ns

@@ -74,6 +74,7 @@ class StreamRequests:
         self._autopilot = autopilot
         self._asks = asks
         self._meter = RateMeter()
+        self.arrived = self._meter.arrived  # counts a message of the autopilot, by its id
         self._heard_ns: int | None = None
         self._asked_ns: deque[int] = deque(maxlen=MOST_PER_MINUTE)
         self._unknown_ids: set[int] = set()
@@ -102,10 +103,6 @@ class StreamRequests:
             stream.restart()
 
     # --- what comes ---------------------------------------------------------------------------
-
-    def arrived(self, message_id: int) -> None:
-        """Notes a message of the autopilot, whoever requested it."""
-        self._meter.arrived(message_id)
 
     def heard(self, t_ns: int) -> None:
         """Notes a heartbeat of the autopilot; the first one after a silence restarts everything."""

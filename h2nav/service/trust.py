@@ -37,7 +37,8 @@ class LaneTrust:
 
     def __init__(self, count: Callable[[str], object]) -> None:
         self._count = count
-        self._refusal, self._refused_ns, self._refusals = "", 0, 0
+        self._refusal, self._refused_ns = "", 0
+        self.refusals = 0  # readings rejected since the last one that was used
         self._rests_until_ns: int | None = None
         self._bad_ns: int | None = None
         self._good_ns: int | None = None
@@ -53,7 +54,7 @@ class LaneTrust:
         """Counts a rejected reading."""
         self._count(reason)
         self._refusal, self._refused_ns = reason, t_ns
-        self._refusals += 1
+        self.refusals += 1
         if self.is_refused:
             self.lost = REFUSAL_TEXTS.get(reason, reason)
 
@@ -63,12 +64,12 @@ class LaneTrust:
 
     def accept(self) -> None:
         """Notes a reading that was used."""
-        self._refusals, self.lost = 0, ""
+        self.refusals, self.lost = 0, ""
 
     @property
     def is_refused(self) -> bool:
         """Whether nothing of its stream is usable."""
-        return self._refusals >= REFUSALS
+        return self.refusals >= REFUSALS
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None if there were none."""
@@ -88,13 +89,13 @@ class LaneTrust:
         self._rests_until_ns = t_ns + REST_NS
 
     def rests(self, t_ns: int) -> bool:
-        """Whether the stream rests at present; after its rest its filter restarts."""
-        if self._rests_until_ns is None:
-            return False
-        if t_ns < self._rests_until_ns:
-            return True
-        self._rests_until_ns, self._refusals, self.is_spoilt = None, 0, True
-        return False
+        """Whether the stream rests at present."""
+        return self._rests_until_ns is not None and t_ns < self._rests_until_ns
+
+    def wake(self, t_ns: int) -> None:
+        """Ends a rest that is over: the filter has to restart."""
+        if self._rests_until_ns is not None and t_ns >= self._rests_until_ns:
+            self._rests_until_ns, self.refusals, self.is_spoilt = None, 0, True
 
     # --- a filter that is spoilt --------------------------------------------------------------
 

@@ -21,7 +21,7 @@ class Twins:
 
     def compare(self, one: ImuSample, other: ImuSample) -> bool:
         """Takes the newest sample of each; returns whether both prove to be one sensor."""
-        if abs(one.t_us - other.t_us) > SAME_TIME_US:
+        if not -SAME_TIME_US <= one.t_us - other.t_us <= SAME_TIME_US:
             return False
         if are_apart(one, other):
             self._repeated = 0

@@ -28,6 +28,7 @@ class WantedFrames(NamedTuple):
 
     arrivals: list[int]  # number of the arrival that completed each frame
     placed: list[PlacedFrame]  # place and origin of each frame, of the same length
+    rows: Integers  # (M,) their numbers among all frames found
 
 
 class FoundFrames(NamedTuple):
@@ -53,7 +54,7 @@ class FoundFrames(NamedTuple):
             (headers.payload_at + headers.lengths).tolist(),
             strict=True,
         )
-        return WantedFrames(arrivals.tolist(), list(placed))
+        return WantedFrames(arrivals.tolist(), list(placed), np.flatnonzero(chosen))
 
     def senders(self) -> Integers:
         """(M,) system id times 256 plus component id."""

@@ -52,8 +52,8 @@ ALIGN_S = 0.02
 WIDE_OFFSET = 0.1  # of the field's norm
 # The kernel's results for an estimate, in their order.
 _HELD = ("q_nb", "gyro_bias", "innovation")
+_GAINED = ("aided", "gained_n", "gained_e")
 _FOUND = ("rate", "sigma_tilt", "sigma_heading")
-_NO_FIELD = (0.0, 0.0, 0.0)
 
 
 class VelocityAidedFilter(VelocityAidedShell):
@@ -77,6 +77,7 @@ class VelocityAidedFilter(VelocityAidedShell):
         self._step: Callable[[], int] = bound
         self._write = writer(u, Sample, "dt_s", "has_fix")
         self._read_held = reader(s, State, _HELD)
+        self._read_gained = reader(s, State, _GAINED)
         self._read_found = reader(w, Workspace, _FOUND)
         u.asked = 1.0
         self._window: alignment.Alignment | None = None
@@ -163,14 +164,13 @@ class VelocityAidedFilter(VelocityAidedShell):
         self._state.mag_lag_expected = delays.field_s - delays.gyro_s
 
     def _advance(self, sample: ImuSample, dt_us: int, is_aided: bool, fix: TimedFix | None) -> int:
-        _, w_b, f_b, m_b_ut, clipped = sample
-        has_mag = 1.0 if is_plausible_field(m_b_ut) else 0.0
+        _, (p, q, r), f_b, m_b_ut, clipped = sample
+        f_x, f_y, f_z = f_b
+        m_x, m_y, m_z, has_mag = 0.0, 0.0, 0.0, 0.0
+        if m_b_ut is not None and is_plausible_field(m_b_ut):
+            (m_x, m_y, m_z), has_mag = m_b_ut, 1.0
         self._write(
-            dt_us * 1e-6,
-            *w_b,
-            *f_b,
-            *(m_b_ut if m_b_ut is not None and has_mag else _NO_FIELD),
-            has_mag,
+            *(dt_us * 1e-6, p, q, r, f_x, f_y, f_z, m_x, m_y, m_z, has_mag),
             clipping(f_b, clipped),
             1.0 if is_aided else 0.0,
             0.0 if fix is None else 1.0,
@@ -185,8 +185,8 @@ class VelocityAidedFilter(VelocityAidedShell):
         return self._step()
 
     def _gained(self) -> tuple[float, float] | None:
-        s = self._state
-        return (s.gained_n, s.gained_e) if s.aided > 0.0 else None
+        aided, north, east = self._read_gained()
+        return (north, east) if aided > 0.0 else None
 
     def _attitude(self) -> Quat:
         w, x, y, z = self._state.q_nb[:]

@@ -48,6 +48,9 @@ LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 MOST_RATE_RAD_S = 200.0
 MOST_FORCE_M_S2 = 4000.0
 MOST_FIELD_UT = 1e6
+# Three axes below these are below those: comparisons cost a third of the sums.
+SURE_RATE_RAD_S, SURE_FORCE_M_S2 = 0.25 * MOST_RATE_RAD_S, 0.25 * MOST_FORCE_M_S2
+SURE_FIELD_UT = 0.25 * MOST_FIELD_UT
 # Number of values of `VelocityAidedShell.state` before those of the kernel.
 HEAD_SIZE = 4
 # A larger bias turns the forces of a window in the air by more than the velocities can show.
@@ -130,15 +133,13 @@ class VelocityAidedShell(ABC):
         one is doubted. A sample that is not later than the previous one changes nothing: the
         previous estimate is returned.
         """
-        t_us = sample.t_us
-        before_us = self._t_us
+        t_us, before_us, aiding = sample.t_us, self._t_us, self._aiding
         if before_us is not None and t_us <= before_us:
             return self._standing(before_us, 0) if self._aligned else None
         if not is_plausible(sample.w_b, sample.f_b):
             return self._standing(t_us, memory.SATURATED) if self._aligned else None
         if before_us is None or t_us - before_us > LONGEST_GAP_US or not self._aligned:
             return self._begin(sample)
-        aiding = self._aiding
         fix = self._take_fix(t_us) if aiding.waits else None
         bits = self._advance(sample, t_us - before_us, t_us < aiding.aided_until_us, fix)
         self._t_us = t_us
@@ -474,9 +475,19 @@ def clipping(f_b: Vec3, clipped: bool) -> float:
 def is_plausible(w_b: Vec3, f_b: Vec3) -> bool:
     """Whether a sensor can have measured this; a NaN makes every comparison false."""
     (p, q, r), (x, y, z) = w_b, f_b
+    most, large = SURE_RATE_RAD_S, SURE_FORCE_M_S2
+    is_slow = -most < p < most and -most < q < most and -most < r < most
+    if is_slow and -large < x < large and -large < y < large and -large < z < large:
+        return True
     return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
 
 
 def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
     """Whether a magnetometer can have measured this; False for None."""
-    return m_b_ut is not None and abs(m_b_ut[0]) + abs(m_b_ut[1]) + abs(m_b_ut[2]) < MOST_FIELD_UT
+    if m_b_ut is None:
+        return False
+    x, y, z = m_b_ut
+    sure = SURE_FIELD_UT
+    if -sure < x < sure and -sure < y < sure and -sure < z < sure:
+        return True
+    return abs(x) + abs(y) + abs(z) < MOST_FIELD_UT

@@ -79,7 +79,7 @@ class Flight:
         if message_id in self.without_force:
             values = (values[0], self._values[message_id][1])
         self._values[message_id] = values
-        if not self.estimation.considers(t_ns, message_id):
+        if not self.estimation.on_arrival(t_ns, message_id):
             return
         t_us = START_US + self.tick * 10_000 + 400
         imu = self.highres_holds if message_id == HIGHRES else None
@@ -229,9 +229,9 @@ def test_a_stream_of_zeros_is_given_up_and_does_not_count():
     flight.run(1.0)
     for number in range(150):
         t_ns = 2_000_000_000 + number * 10_000_000
-        if flight.estimation.considers(t_ns, THIRD):
-            flight.estimation.refuse(t_ns, "zero_force")
-    assert not flight.estimation.considers(t_ns, THIRD)
+        if flight.estimation.on_arrival(t_ns, THIRD):
+            flight.estimation.refuse(t_ns, THIRD, "zero_force")
+    assert not flight.estimation.on_arrival(t_ns, THIRD)
     assert list(flight.estimation.useless_streams()) == [THIRD]
     assert flight.estimation.rejected == {}
 

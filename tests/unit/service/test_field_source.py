@@ -3,16 +3,15 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.field_source import TRUSTED_NS, WAIT_NS, FieldSource
-from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, ImuReading
+from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES
 
 SCALED, HIGHRES = (IMU_MESSAGES[IDS_BY_NAME[name]] for name in ("SCALED_IMU", "HIGHRES_IMU"))
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 RAW, CALIBRATED = (30.0, 1.0, 40.0), (20.0, 0.0, 45.0)
-READING = ImuReading(0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8), RAW, False)
 
 
-def field_at(source, t_ns, message=SCALED, reading=READING):
-    return source.choose(t_ns, message, reading).m_b_ut
+def field_at(source, t_ns, message=SCALED, own=RAW):
+    return source.choose(t_ns, message, own)
 
 
 def test_each_calibrated_field_is_used_once_and_no_raw_one_beside_it():
@@ -45,8 +44,7 @@ def test_a_raw_field_returns_when_the_calibrated_ones_have_long_stopped():
 
 def test_a_field_that_came_with_its_own_message_is_not_lent_again():
     source = FieldSource(PX4, lends=True)
-    calibrated = READING._replace(m_b_ut=CALIBRATED)
-    assert field_at(source, 0, HIGHRES, calibrated) == CALIBRATED
+    assert field_at(source, 0, HIGHRES, CALIBRATED) == CALIBRATED
     assert field_at(source, 1) is None
     assert not source.has_lent
 

@@ -50,7 +50,7 @@ class Bench:
     def _hears(self, sender: tuple[int, int], message_id: int, message: Message) -> None:
         t_ns = 1000 * self.t_us
         envelope = Envelope(t_ns, t_ns, sender, message_id)
-        if self.service.heeds(t_ns, sender, message_id):
+        if self.service.on_arrival(t_ns, sender, message_id):
             effects = self.service.on_message(envelope, message)
             self.notices += [effect.text for effect in effects if isinstance(effect, Notice)]
 
@@ -65,7 +65,7 @@ def test_a_place_is_read_once_a_second_after_the_field_is_known() -> None:
         start_ns = 1000 * bench.t_us
         bench.t_us += US_PER_SECOND
         times_ns = range(start_ns, 1000 * bench.t_us, 20_000_000)
-        heeded = [t_ns for t_ns in times_ns if bench.service.heeds(t_ns, (1, 1), place_id)]
+        heeded = [t_ns for t_ns in times_ns if bench.service.on_arrival(t_ns, (1, 1), place_id)]
         for t_ns in heeded:
             bench.service.on_message(Envelope(t_ns, t_ns, (1, 1), place_id), of)
         return len(heeded)

@@ -58,8 +58,11 @@ def test_a_stream_rests_for_a_minute_and_its_filter_begins_anew(trust):
     trust.rest(NOW_NS)
     assert trust.rests_until_ns == NOW_NS + REST_NS
     assert trust.rests(NOW_NS + REST_NS - 1)
+    trust.wake(NOW_NS + REST_NS - 1)
+    assert trust.rests_until_ns == NOW_NS + REST_NS
     assert not trust.is_spoilt
     assert not trust.rests(NOW_NS + REST_NS)
+    trust.wake(NOW_NS + REST_NS)
     assert trust.rests_until_ns is None
     assert trust.is_spoilt
     assert not trust.is_refused, "it has another chance"
