@@ -165,7 +165,8 @@ class VelocityWindows:
     def _by_antenna(self, start: Mark, end: Mark) -> float:
         """Variance per axis by the antenna's place, (m/s)^2."""
         apart = map(math.dist, start.swept_n, end.swept_n)
-        return 0.5 * sum([part**2 for part in map(mul, self._receiver.antenna_b, apart)])
+        parts: list[float] = [part**2 for part in map(mul, self._receiver.antenna_b, apart)]
+        return 0.5 * sum(parts)
 
 
 def swept(moment: Moment) -> tuple[Level, Level, Level]:
