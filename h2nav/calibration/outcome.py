@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from h2nav.recordings.context import Series
+
 
 class ParameterChange(NamedTuple):
     """A changed parameter."""
@@ -26,6 +28,8 @@ class Outcome(NamedTuple):
     shown: str = ""  # how it was shown: what is left before and after
     # by name with unit: residuals before and after, what they rest on
     figures: Mapping[str, float] = {}
+    # (N, 2) of the drag: velocity of the air, north and east, over the last flight
+    wind_n_m_s: Series | None = None
 
 
 class Calibration(NamedTuple):

@@ -4,7 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from h2nav.calibration.compass import calibrate_compass
+from h2nav.calibration.drag import calibrate_drag
 from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.imu import calibrate_accelerometer, calibrate_gyro, tracks_of
 from h2nav.calibration.level import calibrate_level
@@ -13,7 +16,10 @@ from h2nav.calibration.outcome import Calibration, Outcome, ParameterChange
 from h2nav.calibration.receiver import calibrate_receiver
 from h2nav.calibration.settings import Lever
 from h2nav.errors import BadInput
+from h2nav.recordings.context import Series
+from h2nav.reviews.inertial import thinned
 
+MOST_WIND = 500
 COMPENSATION = {PX4: "CAL_MAG_COMP_TYP"}
 ARDUPILOT_COMPENSATION = "COMPASS_MOTCT"
 
@@ -33,7 +39,12 @@ def calibrate(flights: Sequence[Evidence]) -> Calibration:
         last.autopilot,
         last.context.firmware,
         tuple(evidence.flight.file for evidence in flights),
-        (*_compasses(flights), *_of_imus(flights), calibrate_notch(flights)),
+        (
+            *_compasses(flights),
+            *_of_imus(flights),
+            calibrate_notch(flights),
+            calibrate_drag(flights),
+        ),
     )
 
 
@@ -53,6 +64,7 @@ def document_of(calibration: Calibration) -> dict[str, Any]:
                 "shown_by": outcome.shown,
                 "figures": {name: _number(value) for name, value in outcome.figures.items()},
             }
+            | ({} if outcome.wind_n_m_s is None else {"wind": _wind(outcome.wind_n_m_s)})
             for outcome in calibration.outcomes
         ],
     }
@@ -64,6 +76,16 @@ def _change(change: ParameterChange) -> dict[str, Any]:
         "old": _number(change.old),
         "new": change.new,
         "sigma": _number(change.sigma),
+    }
+
+
+def _wind(track: Series) -> dict[str, list[float]]:
+    """Velocity of the air over time, thinned."""
+    place = thinned(len(track.t_s), MOST_WIND)
+    return {
+        "t_s": np.round(track.t_s[place], 2).tolist(),
+        "north_m_s": np.round(track.values[place, 0], 2).tolist(),
+        "east_m_s": np.round(track.values[place, 1], 2).tolist(),
     }
 
 
