@@ -174,11 +174,17 @@ class FlightSettings:
             priority, which ends when the vehicle is armed again and is taken up later.
         review_memory_mb: memory of that process; a recording that needs more is not reviewed.
         review_minutes: processor time of that process.
+        fetch_log: fetch the autopilot's own log after each flight, which then is what is reviewed:
+            while the vehicle is disarmed, and while nobody else fetches.
+        fetch_share: part of the link that this may take; a link without a baud rate counts as one
+            of 921600 baud.
     """
 
     review: bool = True
     review_memory_mb: Annotated[int, Within(128, 65536)] = 512
     review_minutes: Annotated[int, Within(1, 1440)] = 30
+    fetch_log: bool = False
+    fetch_share: Annotated[float, Within(0.01, 0.9)] = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,6 +287,7 @@ def contradictions(configuration: Configuration) -> list[str]:
         *_motion_complaints(configuration),
         *_signing_complaints(configuration.signing),
         *_live_complaints(configuration.live),
+        *_flight_complaints(configuration),
     ]
 
 
@@ -370,6 +377,13 @@ def _live_complaints(settings: LiveSettings) -> list[str]:
             f"live.foxglove_port: {address.port} is also the port of live.address; give another, "
             "or 0 for no Foxglove WebSocket"
         ]
+    return []
+
+
+def _flight_complaints(configuration: Configuration) -> list[str]:
+    """A fetched log needs a folder."""
+    if configuration.flights.fetch_log and not configuration.log.folder:
+        return ["flights.fetch_log: there is no folder for it; set log.folder, or leave it out"]
     return []
 
 

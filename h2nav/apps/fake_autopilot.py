@@ -127,6 +127,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="parameters to start with, as written by `h2nav calibrate`",
     )
     parser.add_argument(
+        "--log",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a log of its logger, which can be fetched; may be repeated, the newest last",
+    )
+    parser.add_argument(
+        "--no-ftp", action="store_true", help="serve logs by LOG_REQUEST_DATA alone"
+    )
+    parser.add_argument(
         "--arm-authorization",
         action="store_true",
         help="request an authorization on the link before arming, as PX4 does",
@@ -284,8 +295,17 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         line_bytes_per_s=None if args.baud is None else args.baud / BITS_PER_BYTE_ON_A_LINE,
         wrong=_wrong(args),
         asks_to_arm=args.arm_authorization,
+        logs=tuple(_log(path) for path in args.log),
+        has_files=not args.no_ftp,
         parameters={} if args.parameters is None else read_parameters(args.parameters),
     )
+
+
+def _log(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"--log: {path}: {error.strerror}") from error
 
 
 def _wrong(args: argparse.Namespace) -> Miscalibration:

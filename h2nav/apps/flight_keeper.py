@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from h2nav.apps.configuration import Configuration
+from h2nav.apps.log_fetcher import LogFetcher
 from h2nav.apps.review_process import ReviewOutcome, ReviewProcess
 from h2nav.apps.reviewer import ReviewJob
 from h2nav.flights.folder import REVIEWS, UPLOADS, flight_id
@@ -16,7 +17,7 @@ from h2nav.flights.records import FlightsRecord
 from h2nav.integrity.severity import Severity
 from h2nav.log.folder import our_logs
 from h2nav.log.recorder import Recorder
-from h2nav.service.effects import Notice
+from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service
 
 SECOND_NS = 1_000_000_000
@@ -40,12 +41,20 @@ class FlightKeeper:
         configuration: of the daemon; its `log.folder` is not empty.
         recorder: of the log.
         tell: passes on an event about a reviewed flight.
+        fetcher: of the autopilot's own logs; None = they are not fetched.
     """
 
-    def __init__(self, configuration: Configuration, recorder: Recorder, tell: Tell) -> None:
+    def __init__(
+        self,
+        configuration: Configuration,
+        recorder: Recorder,
+        tell: Tell,
+        fetcher: LogFetcher | None = None,
+    ) -> None:
         self._folder = Path(configuration.log.folder)
         self._recorder = recorder
         self._tell = tell
+        self._fetcher = fetcher
         settings = configuration.flights
         self._reviews = settings.review
         self._process = ReviewProcess(
@@ -70,22 +79,31 @@ class FlightKeeper:
         self._is_due = _has_recordings(self._folder)
         self._seen = self._changes()
 
-    def tend(self, t_ns: int, _: int, service: Service) -> list[Notice]:
-        """Does what is due; returns notices."""
+    def tend(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice | Send]:
+        """Does what is due; returns notices, and messages to send."""
+        fetching = [] if self._fetcher is None else self._fetcher.tend(t_ns, unix_ns, service)
         if t_ns < self._look_ns:
-            return []
+            return list(fetching)
+        return [*fetching, *self._looked(t_ns, service)]
+
+    def _looked(self, t_ns: int, service: Service) -> list[Notice]:
         self._look_ns = t_ns + LOOK_NS
         self._follow(t_ns, service.is_armed)
         outcome = self._process.outcome()
         said = [] if outcome is None else self._take(t_ns, outcome)
         if not self._is_armed and not self._process.is_running and self._disarmed_ns is None:
             self._begin_review(t_ns)
-        self.record = self.record._replace(is_reviewing=self._process.is_running)
+        fetched = 0 if self._fetcher is None else self._fetcher.fetched_bytes
+        self.record = self.record._replace(
+            is_reviewing=self._process.is_running, fetched_bytes=fetched
+        )
         return said
 
     def close(self) -> None:
         """Ends a review that is running; the next start takes it up again."""
         self._process.stop()
+        if self._fetcher is not None:
+            self._fetcher.close()
 
     def _follow(self, t_ns: int, is_armed: bool) -> None:
         """Notices the beginning and the end of a flight."""
@@ -107,6 +125,8 @@ class FlightKeeper:
             self._disarmed_ns = None
             self._rolled, self._rolled_ns = path, t_ns
             self._recorder.roll()
+            if self._fetcher is not None and path is not None:
+                self._fetcher.want(t_ns, path.stem)
             self.record = self.record._replace(flown=self.record.flown + 1)
         has_ended = self._rolled != path or t_ns - self._rolled_ns > LONGEST_ROLL_NS
         if self._rolled is not None and has_ended:

@@ -74,8 +74,8 @@ class Observer(Protocol):
         """Called with a record of the service other than samples and estimates."""
 
 
-# Time, UNIX time and service -> notices.
-Beside = Callable[[int, int, Service], Sequence[Notice]]
+# Time, UNIX time and service -> notices, and messages to send.
+Beside = Callable[[int, int, Service], Sequence[Notice | Send]]
 
 
 class Outlets(NamedTuple):
@@ -340,10 +340,13 @@ class Pipeline:
         self._carry_out(t_ns, self.service.on_note(t_ns, said))
 
     def tend(self, t_ns: int, name: str, work: Beside) -> None:
-        """Runs something beside the service as due; reports its notices."""
+        """Runs something beside the service as due; sends and reports what it returns."""
         try:
             for said in work(t_ns, self._unix_ns(t_ns), self.service):
-                self.note(t_ns, said)
+                if isinstance(said, Send):
+                    self._carry_out(t_ns, [said])
+                else:
+                    self.note(t_ns, said)
         except Exception as error:
             self._fault(t_ns, name, error)
 

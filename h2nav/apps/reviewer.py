@@ -117,15 +117,19 @@ def _reviewed(folder: FlightFolder, flight: FlightFiles, job: ReviewJob) -> Flig
     if folder.attempt(flight.id) > MOST_ATTEMPTS:
         times = f"{MOST_ATTEMPTS} times"
         return folder.commit(flight, {}, error=f"its review ended with its process, {times}")
-    path = folder.path_of(flight.best.name)
     scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=folder.reviews))
     try:
-        try:
-            summary = _written(path, scratch, _earlier(folder, flight))
-        except Exception as error:
-            text = _in_words(error, path, job).replace(f"{path}: ", "")
-            return folder.commit(flight, {}, error=_readable(text))
-        return folder.commit(flight, summary, written=scratch)
+        error = ""
+        for recording in flight.recordings:
+            path = folder.path_of(recording.name)
+            try:
+                summary = _written(path, scratch, _earlier(folder, flight))
+            except Exception as reason:
+                # Of two bad recordings the better one's reason counts.
+                error = error or _in_words(reason, path, job).replace(f"{path}: ", "")
+            else:
+                return folder.commit(flight, summary, written=scratch)
+        return folder.commit(flight, {}, error=_readable(error))
     except OSError:  # a full disk says nothing about the recording
         folder.forget_attempt(flight.id)
         raise

@@ -24,12 +24,13 @@ from h2nav.host.service_manager import ServiceManager
 from h2nav.integrity.severity import Severity
 from h2nav.links.links import open_link
 from h2nav.log.recorder import Recorder
-from h2nav.service.effects import Notice
+from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service, Surroundings
 
 if TYPE_CHECKING:
     from h2nav.apps.flight_keeper import FlightKeeper
     from h2nav.apps.live_view import LiveView
+    from h2nav.apps.log_fetcher import LogFetcher
     from h2nav.links.event_socket import EventSocket
 
 CLOSE_WITHIN_S = 1.5
@@ -87,15 +88,16 @@ class Session:
         }
         self.service = Service(configuration.service, surroundings)
         self.link = open_link(configuration.link.url, self._vouches_for)
+        self._fetcher = _log_fetcher(configuration, watcher or console)
         outlets = Outlets(
             self._clock.unix_ns,
             self.link.write,
             self.recorder,
-            watcher or console,
+            self._fetcher or watcher or console,
             live=None if self._live is None else self._live.feed,
             finding=console.finding,
         )
-        self._keeper = _flight_keeper(configuration, self.recorder, console)
+        self._keeper = _flight_keeper(configuration, self.recorder, console, self._fetcher)
         self._pipeline = Pipeline(
             self.service, configuration.output.component_id, outlets, self._signing
         )
@@ -125,7 +127,7 @@ class Session:
             if self._keeper is not None:
                 self._pipeline.tend(now_ns, "flight record", self._keep_flights)
 
-    def _keep_flights(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice]:
+    def _keep_flights(self, t_ns: int, unix_ns: int, service: Service) -> list[Notice | Send]:
         """Ends and reviews flights; shows the counts to the live view."""
         assert self._keeper is not None
         said = self._keeper.tend(t_ns, unix_ns, service)
@@ -211,15 +213,28 @@ def _event_socket(
     return events
 
 
+def _log_fetcher(configuration: Configuration, watcher: Watcher) -> "LogFetcher | None":
+    """Fetches the autopilot's logs; None, and nothing imported, if that is not wished."""
+    if not (configuration.flights.fetch_log and configuration.log.folder):
+        return None
+    from h2nav.apps.log_fetcher import LogFetcher
+
+    return LogFetcher(configuration, watcher)
+
+
 def _flight_keeper(
-    configuration: Configuration, recorder: Recorder | None, console: Console
+    configuration: Configuration,
+    recorder: Recorder | None,
+    console: Console,
+    fetcher: "LogFetcher | None",
 ) -> "FlightKeeper | None":
     """Keeps the record of flights; None, and nothing imported, without a log or if not wished."""
-    if recorder is None or not configuration.flights.review:
+    settings = configuration.flights
+    if recorder is None or not (settings.review or settings.fetch_log):
         return None
     from h2nav.apps.flight_keeper import FlightKeeper
 
-    return FlightKeeper(configuration, recorder, console.flight)
+    return FlightKeeper(configuration, recorder, console.flight, fetcher)
 
 
 def _greeting(configuration: Configuration) -> str:

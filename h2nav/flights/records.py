@@ -15,6 +15,7 @@ class FlightsRecord(NamedTuple):
         with_errors: reviewed recordings with a finding that is an error.
         interrupted: reviews that were ended because the vehicle was armed.
         is_reviewing: a review runs.
+        fetched_bytes: of the autopilot's own logs.
     """
 
     flown: int = 0
@@ -23,3 +24,4 @@ class FlightsRecord(NamedTuple):
     with_errors: int = 0
     interrupted: int = 0
     is_reviewing: bool = False
+    fetched_bytes: int = 0

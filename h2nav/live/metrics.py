@@ -46,6 +46,7 @@ _COUNTERS = (
     _Row("flights_reviewed", "Recordings that were reviewed.", "/flights", "reviewed"),
     _Row("flights_failed", "Recordings that could not be reviewed.", "/flights", "failed"),
     _Row("flights_with_errors", "Reviews with an error.", "/flights", "with_errors"),
+    _Row("fetched_bytes", "Of the autopilot's own logs.", "/flights", "fetched_bytes"),
     _Row("cpu_seconds", "Processor time of the daemon.", "/feed", "cpu_s"),
     _Row("live_dropped", "Packets that found no room.", "/feed", "dropped"),
 )

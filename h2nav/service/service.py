@@ -210,6 +210,11 @@ class Service:
         return identity.description if identity is not None else ""
 
     @property
+    def identity(self) -> Identity | None:
+        """The bound autopilot; None before there is one."""
+        return self._autopilot.identity
+
+    @property
     def is_armed(self) -> bool:
         """Whether the autopilot says armed; False before there is one."""
         return self._autopilot.is_armed

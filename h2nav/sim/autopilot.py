@@ -17,6 +17,7 @@ from h2nav.sim.calibrations import SOUND, Miscalibration
 from h2nav.sim.commands import CommandServer
 from h2nav.sim.faults import Fault, FaultSchedule
 from h2nav.sim.imu_model import MPU_9250, ImuParameters
+from h2nav.sim.log_server import LOG_MESSAGES, LogServer
 from h2nav.sim.other_vehicle import OTHER_SYSTEM_ID, of_other_vehicle
 from h2nav.sim.own_time import OwnTime
 from h2nav.sim.parameters import ParameterServer
@@ -52,6 +53,8 @@ class AutopilotOptions:
     wrong: Miscalibration = SOUND  # calibration of the first IMU and its compass
     parameters: Mapping[str, float] = field(default_factory=dict)  # set before it is switched on
     asks_to_arm: bool = False  # requests an authorization before it arms
+    logs: tuple[bytes, ...] = ()  # of its logger, the newest last
+    has_files: bool = True  # serves them by MAVLink FTP too
 
 
 class Outgoing(NamedTuple):
@@ -86,6 +89,7 @@ class FakeAutopilot:
         self._commands = CommandServer(
             options.personality, self.streams, self.vehicle, asks_to_arm=options.asks_to_arm
         )
+        self._logs = LogServer(options.logs, options.line_bytes_per_s, has_files=options.has_files)
         self._replies: dict[int, Callable[[Any], list[Any]]] = {
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._answer_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._parameters.every_value,
@@ -187,7 +191,16 @@ class FakeAutopilot:
             return
         if not _concerns_us(fields):
             return
-        if msg_id in self._replies:
+        if msg_id in LOG_MESSAGES:
+            replies = self._logs.handle(
+                self._now_ns,
+                (sysid, compid),
+                msg_id,
+                fields,
+                is_armed=self.vehicle.is_armed,
+                is_taken=self.vehicle.has_fault("other-fetch"),
+            )
+        elif msg_id in self._replies:
             replies = self._replies[msg_id](fields)
         else:
             replies = self._commands.handle(self._now_ns, (sysid, compid), msg_id, fields)
@@ -222,8 +235,8 @@ class FakeAutopilot:
         due_ns = self._heartbeat_ns
         if self._plan:
             due_ns = min(due_ns, self._plan[0][0])
-        stream_ns = self.streams.next_deadline_ns
-        return due_ns if stream_ns is None else min(due_ns, stream_ns)
+        others = (self.streams.next_deadline_ns, self._logs.next_deadline_ns)
+        return min((due_ns, *(each for each in others if each is not None)))
 
     def _work(self) -> None:
         """Does what is due now."""
@@ -243,6 +256,13 @@ class FakeAutopilot:
         if self._heartbeat_ns <= now_ns:
             self._heartbeat_ns = now_ns + SECOND_NS
             self._every_second()
+        for message in self._logs.due(
+            now_ns,
+            is_armed=self.vehicle.is_armed,
+            is_taken=self.vehicle.has_fault("other-fetch"),
+            has_room=self.streams.has_room(now_ns),
+        ):
+            self._send(message)
         while (due_ns := self.streams.next_deadline_ns) is not None and due_ns <= now_ns:
             stream = self.streams.pop_due(now_ns)
             message = stream.make(self.vehicle) if stream is not None else None

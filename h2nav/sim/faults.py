@@ -109,6 +109,7 @@ FAULT_KINDS: dict[str, FaultKind] = {
         "the 32-bit clock of ms or us passes its end at START", "ms", ("ms", "us")
     ),
     "epoch": FaultKind("time_usec counts from 1970 instead of from boot", "", ("",)),
+    "other-fetch": FaultKind("another ground station fetches a log", "", ("",)),
     "second-autopilot": FaultKind("another autopilot (system 2) speaks on the link", "", ("",)),
 }
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import random
 import time
 import urllib.request
 from pathlib import Path
@@ -60,6 +61,39 @@ def test_a_flight_is_reviewed_after_landing_and_shown(tmp_path: Path) -> None:
     assert folder.is_current(flown, folder.record(flown.id))
     assert folder.record(rest.id) is None
     assert not list(folder.reviews.glob(".review-*"))
+
+
+def test_the_autopilots_log_is_fetched_and_a_bad_one_costs_no_review(tmp_path: Path) -> None:
+    port, logs = free_udp_port(), tmp_path / "logs"
+    content = random.Random(1).randbytes(150_000)
+    (tmp_path / "own.bin").write_bytes(content)
+    configuration = tmp_path / "h2nav.yaml"
+    configuration.write_text(
+        f"link: {{url: 'udpin:127.0.0.1:{port}'}}\nlog: {{folder: '{logs}'}}\n"
+        "flights: {fetch_log: true, fetch_share: 0.9}\n"
+    )
+    own = ("--log", str(tmp_path / "own.bin"), "--baud", "921600")
+    with (
+        daemon("-c", str(configuration)) as running,
+        fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "hop", *own),
+    ):
+        seen(
+            running,
+            lambda each: each["event"] == "notice" and each["text"].startswith("log fetched"),
+        )
+        seen(
+            running,
+            lambda each: each["event"] == "flight" and each["name"].endswith(".bin"),
+        )
+        assert running.stop() == 0
+    (fetched,) = logs.glob("*.bin")
+    assert fetched.read_bytes() == content
+    folder = FlightFolder(logs)
+    flight = next(each for each in folder.flights().values() if len(each.recordings) == 2)
+    record = folder.record(flight.id)
+    assert folder.is_current(flight, record)
+    assert record.error == ""
+    assert record.summary["kind"] == "mcap"
 
 
 def _read(url: str) -> bytes:

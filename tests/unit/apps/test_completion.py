@@ -19,7 +19,7 @@ FILES, FOLDERS, NOTHING = {"a folder/", "a file.yaml"}, {"a folder/"}, set()
 CASES = {
     "": {words[0] for words in COMMANDS},
     "ru": {"run"},
-    "log ": {"info", "recover", "export", "decode"},
+    "log ": {"anonymise", "info", "recover", "export", "decode"},
     "log in": {"info"},
     "--v": {"--version"},
     "demo --scenario ": set(SCENARIOS),

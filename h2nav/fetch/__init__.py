@@ -1,0 +1,1 @@
+"""The autopilot's own log over MAVLink, without I/O."""
