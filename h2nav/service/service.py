@@ -17,35 +17,31 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.preflight import GroundVerdict
-from h2nav.service import before_arming, comparing, imu_identity, records
+from h2nav.service import records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
-from h2nav.service.autopilot import Autopilot, Heard, Identity, Sender
+from h2nav.service.autopilot import Autopilot, Heard, Sender
 from h2nav.service.before_arming import BeforeArming, reasons_in
+from h2nav.service.clocks import Clocks
 from h2nav.service.comparing import Comparing
 from h2nav.service.conversation import Conversation
 from h2nav.service.effects import Effect, Notice, Record, Send, Used
 from h2nav.service.estimation import Estimation, SentSample
-from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.ground_stations import GroundStations
 from h2nav.service.health import Objection, ServiceState, Signs
-from h2nav.service.imu_choice import lanes_wanted, preference
 from h2nav.service.judgement import Judgement
 from h2nav.service.lane import FilterFor
-from h2nav.service.lateness import Lateness
 from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
 from h2nav.service.outputs import Assessment, Outputs
-from h2nav.service.parameter_request import ParameterRequests
 from h2nav.service.pulse import Pulse
+from h2nav.service.routing import Routing
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.standing import Standing
 from h2nav.service.status import status_record
-from h2nav.service.stream_requests import StreamRequests
-from h2nav.service.time_sync import TimeSync
 from h2nav.service.units_check import UnitsCheck
-from h2nav.service.wished_stream import Wish
+from h2nav.service.wanted import Wanted
 from h2nav.wire import outbound
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import IMU_MESSAGES, ImuReading
@@ -74,15 +70,7 @@ from h2nav.wire.vehicle import (
 
 TIMER_NS = SECOND_NS // 10
 TIMESYNC_EAGER_NS = SECOND_NS // 5
-TIMESYNC_CALM_NS = 5 * SECOND_NS
 FALLBACK_SYSTEM_ID = 1
-# Requested rate of a message that only lends its field: a compass is read at 10 to 20 Hz, and a
-# link with few samples carries few fields.
-FIELD_RATE_HZ = 20.0
-FIELD_SHARE = 0.2
-GLOBAL_POSITION_INT = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
-# The earth field changes over kilometres, but some autopilots send their place 50 times a second.
-PLACE_PAUSE_NS = SECOND_NS
 MOTION_MESSAGES = (PoseReading, WheelDistances)
 QUESTIONS = (Command, ParameterList, ParameterRead, ParameterWrite)
 # MAV_STATE of our heartbeat.
@@ -145,7 +133,6 @@ class Service:
         )
         self._comparing = Comparing()
         self._judgement = Judgement(self._notices.report, self._estimation, self._comparing.witness)
-        self._lateness = Lateness()
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
@@ -160,14 +147,15 @@ class Service:
             self._notices.report,
             surroundings.unix_offset_ns,
         )
-        self.time_sync = TimeSync()
-        self._asked_time_ns = 0
+        self._clocks = Clocks()
+        self._lateness, self.time_sync = self._clocks.lateness, self._clocks.time_sync
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
-        self._streams: StreamRequests | None = None
-        self._count_arrival: Callable[[int], None] = _uncounted  # of the bound autopilot
-        self._bound_address: Sender | None = None
-        self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
-        self._parameters_wanted = ParameterRequests()
+        self._wanted = Wanted(settings, self.motion.wishes)
+        self._routing = Routing(
+            self._autopilot, self._wanted, self._estimation, self._comparing, self._aiding
+        )
+        # For every message: counts it, and tells whether it has to be read.
+        self.on_arrival = self._routing.on_arrival
         self._units = UnitsCheck()
         self._link_error: str | None = ""
         self._bytes_are_junk = False
@@ -310,8 +298,8 @@ class Service:
             return effects
         came_up = is_up and self._link_error is not None
         self._link_error = link_error
-        if came_up and self._streams is not None:
-            self._streams.restart()
+        if came_up:
+            self._wanted.on_link_up()
         return effects + self._judge(t_ns)
 
     def speaks_for_vehicle(self, envelope: Envelope, message: Message | None) -> bool:
@@ -325,43 +313,6 @@ class Service:
         is_autopilot = isinstance(message, Heartbeat) and message.is_of_autopilot
         may_bind = self._autopilot.may_be_replaced(envelope.t_ns)
         return is_autopilot and may_bind and self._autopilot.accepts(envelope.sender)
-
-    def on_arrival(self, t_ns: int, sender: Sender, message_id: int) -> bool:
-        """Counts a message that has arrived; returns whether it has to be read.
-
-        Args:
-            message_id: one of `message_ids`.
-        """
-        if sender == self._bound_address:
-            self._count_arrival(message_id)
-            idle_until_ns = self._idle_until_ns.get(message_id)
-            if idle_until_ns is not None and t_ns < idle_until_ns:
-                return False
-            return self._on_own_arrival(t_ns, message_id)
-        if message_id in IMU_MESSAGES:
-            bound = self._autopilot.identity is not None
-            self._estimation.reject("other_sender" if bound else "before_binding")
-            return False
-        return message_id not in comparing.MESSAGES and message_id in READERS
-
-    def _on_own_arrival(self, t_ns: int, message_id: int) -> bool:
-        """The same for the bound autopilot; remembers how long the answer holds."""
-        if message_id in IMU_MESSAGES:
-            if not self._autopilot.has_imu:
-                self._autopilot.brings_imu()
-            if self._estimation.on_arrival(t_ns, message_id):
-                return True
-            idle_until_ns = self._estimation.idle_until_ns(message_id)
-        elif message_id in comparing.MESSAGES:
-            if self._comparing.on_arrival(t_ns, message_id):
-                return True
-            idle_until_ns = self._comparing.idle_until_ns(message_id)
-        else:
-            if message_id == GLOBAL_POSITION_INT and self._aiding.knows_field:
-                self._idle_until_ns[message_id] = t_ns + PLACE_PAUSE_NS
-            return message_id in READERS
-        self._idle_until_ns[message_id] = idle_until_ns
-        return False
 
     def on_message(self, envelope: Envelope, message: Message) -> list[Effect]:
         """Takes a message for which `on_arrival` has just returned True."""
@@ -458,8 +409,8 @@ class Service:
         elif heard is Heard.RIVAL:
             text = f"another autopilot {sender[0]}/{sender[1]} on this link"
             effects += self._notices.report(t_ns, Severity.WARNING, text, "rival")
-        if self._streams is not None and self._autopilot.owns(sender):
-            self._streams.heard(t_ns)
+        if self._autopilot.owns(sender):
+            self._wanted.on_heartbeat(t_ns)
         if message.is_of_ground_station and self._stations.is_newcomer(t_ns, sender):
             self._notices.remind(self._what_is_wrong())
         return effects + self._aiding.pass_vehicle(t_ns)
@@ -477,18 +428,8 @@ class Service:
         self._estimation.begin(identity)
         self._start_over()
         self._units = UnitsCheck()
-        self._streams = StreamRequests(
-            self._wishes(identity),
-            identity.autopilot,
-            self._settings.autopilot.request_streams,
-        )
-        self._count_arrival = self._streams.arrived
-        self._bound_address = identity.address
-        self._idle_until_ns.clear()
-        self._parameters_wanted = ParameterRequests(
-            *filter(None, (self._estimation.timing.parameter,)),
-            *before_arming.parameters(identity.autopilot),
-        )
+        self._wanted.on_binding(identity, self._estimation.timing.parameter)
+        self._routing.on_binding(identity)
         bound = self._notices.report(t_ns, Severity.INFO, f"bound to {identity.description}")
         return [*bound, self._delays_record()]
 
@@ -557,9 +498,7 @@ class Service:
 
     def _on_new_epoch(self, t_ns: int, event: TimeVerdict) -> list[Effect]:
         self._start_over()
-        if self._streams is not None:
-            self._streams.restart()
-        self._parameters_wanted.restart()
+        self._wanted.on_new_epoch()
         rebooted = event is TimeVerdict.REBOOT
         text = "autopilot rebooted" if rebooted else "autopilot clock changed"
         return self._notices.report(t_ns, Severity.WARNING, text)
@@ -567,8 +506,7 @@ class Service:
     def _start_over(self) -> None:
         """Forgets what refers to the clock of another autopilot, or to this one's former clock."""
         self._before_arming.restart()
-        self._lateness.restart()
-        self.time_sync.restart()
+        self._clocks.restart()
         self.motion.restart()
         self._comparing.witness.restart()
         self._outputs.forget()
@@ -592,21 +530,17 @@ class Service:
             case EstimatedVelocity():
                 return aiding.on_autopilot_velocity(t_ns, message)
             case CommandAck():
-                self._on_ack(t_ns, message)
+                self._wanted.on_ack(t_ns, message, self._ours)
             case StatusText():
-                self._on_text(message)
+                self._wanted.on_text(message)
             case ParameterValue():
                 return self._on_parameter(t_ns, message)
             case Vibration():
                 self._estimation.use_vibration(t_ns, message)
         return []
 
-    def _on_text(self, said: StatusText) -> None:
-        if self._streams is not None:
-            self._streams.said(said.text)
-
     def _on_parameter(self, t_ns: int, parameter: ParameterValue) -> list[Effect]:
-        self._parameters_wanted.heard(parameter.name)
+        self._wanted.on_parameter(parameter)
         self._before_arming.on_message(parameter)
         if not self._estimation.take_parameter(parameter):
             return []
@@ -630,24 +564,7 @@ class Service:
             return [] if answer is None else [self._send(answer)]
         if not owned:
             return []
-        exchange = self.time_sync.answer(envelope.t_ns, message.tc1_ns, message.ts1_ns)
-        if exchange is None:
-            return []
-        self._lateness.compared(exchange)
-        if not exchange.is_quick:
-            return []
-        record = records.TimeSyncRecord(
-            offset_us=exchange.offset_ns * 1e-3,
-            skew_ppm=self.time_sync.skew * 1e6,
-            round_trip_us=exchange.round_trip_ns * 1e-3,
-            host_us=exchange.host_ns // 1000,
-        )
-        return [Record("/time_sync", record)]
-
-    def _on_ack(self, t_ns: int, ack: CommandAck) -> None:
-        is_interval = ack.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        if self._streams is not None and is_interval and ack.target in (self._ours, (0, 0)):
-            self._streams.acknowledged(t_ns, ack.result)
+        return self._clocks.on_answer(envelope.t_ns, message)
 
     # --- what happens by the clock ------------------------------------------------------------
 
@@ -669,42 +586,30 @@ class Service:
 
     def _reasons_not_to_arm(self, named: frozenset[str]) -> tuple[str, ...]:
         found = reasons_in(self._standing.verdict, self._judgement.alarms, named)
-        return (*found, *self._estimation.lost_imus(self._may_come))
-
-    def _may_come(self, message_id: int) -> bool:
-        return self._streams is None or not self._streams.is_given_up(message_id)
+        return (*found, *self._estimation.lost_imus(self._wanted.may_come))
 
     def _ask_time(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity
         if identity is None or self._link_error is not None or not self._pulse.is_heard(t_ns):
             return []
-        is_calm = self.time_sync.is_calm and not self._lateness.is_doubted
-        if is_calm and t_ns < self._asked_time_ns + TIMESYNC_CALM_NS:
-            return []
-        self._asked_time_ns = t_ns
-        asked = outbound.time_sync(0, self.time_sync.request(t_ns), identity.address)
-        return [self._send(asked)]
+        question = self._clocks.next_question(t_ns, identity.address)
+        return [] if question is None else [self._send(question)]
 
     def _ask_streams(self, t_ns: int) -> list[Effect]:
         identity = self._autopilot.identity
-        if identity is None or self._streams is None or self._link_error is not None:
+        if identity is None or self._link_error is not None:
             return []
-        self._streams.measure(t_ns)
-        for message_id in self._estimation.useless_streams():
-            self._streams.give_up(t_ns, message_id)
-        if not self._settings.autopilot.request_streams:
-            return []
-        request = self._streams.next_request(t_ns, identity.address)
+        useless = self._estimation.useless_streams()
+        request = self._wanted.next_stream(t_ns, identity.address, useless)
         return [] if request is None else [self._send(request)]
 
     def _ask_parameter(self, t_ns: int) -> list[Effect]:
-        may_ask = self._settings.autopilot.request_streams and self._autopilot.is_confirmed
         identity = self._autopilot.identity
-        if not may_ask or identity is None or self._link_error is not None:
+        if identity is None or self._link_error is not None:
             return []
-        if not self._pulse.is_heard(t_ns):
+        if not (self._autopilot.is_confirmed and self._pulse.is_heard(t_ns)):
             return []
-        request = self._parameters_wanted.next(t_ns, identity.address)
+        request = self._wanted.next_parameter(t_ns, identity.address)
         return [] if request is None else [self._send(request)]
 
     def _report(self, t_ns: int) -> list[Effect]:
@@ -715,7 +620,7 @@ class Service:
         effects += [Record("/lanes", record) for record in self._estimation.lane_records()]
         for reason, count in self.rejected.items():
             effects.append(Record("/rejected", records.RejectionRecord(reason, count)))
-        for notice in self._streams.notices() if self._streams else ():
+        for notice in self._wanted.notices():
             effects += self._notices.report(t_ns, notice.severity, notice.text)
         return effects + self._report_dependence(t_ns)
 
@@ -725,55 +630,19 @@ class Service:
     def _ours(self) -> Sender:
         return self.system_id, self._settings.output.component_id
 
-    def _wishes(self, identity: Identity) -> tuple[Wish, ...]:
-        """The streams to request from this autopilot, the most important first."""
-        wanted, autopilot = self._settings, identity.autopilot
-        first, *others = preference(autopilot, wanted.autopilot.imu_message)
-        wishes = [Wish(first, wanted.autopilot.imu_rate_hz, tuple(others))]
-        is_raw = autopilot in IMU_MESSAGES[first].raw_field_of
-        if is_raw and CALIBRATED_ID in others:
-            field_rate_hz = min(FIELD_RATE_HZ, FIELD_SHARE * wanted.autopilot.imu_rate_hz)
-            wishes.append(Wish(CALIBRATED_ID, field_rate_hz))
-        if wanted.aiding.gps_velocity or wanted.north.declination != "none":
-            wishes.append(Wish(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5.0))
-        wishes.append(Wish(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1.0))
-        wishes.append(Wish(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0))
-        if wanted.autopilot.simulation_truth:
-            truth = mavlink.MAVLINK_MSG_ID_SIMSTATE
-            wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
-        if wanted.aiding.autopilot_velocity:
-            wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        lanes = lanes_wanted(autopilot, wanted.autopilot)[1:]
-        optional = [
-            Wish(lane.message_ids[0], wanted.autopilot.imu_rate_hz, is_optional=True)
-            for lane in lanes
-        ]
-        if lanes and {imu_identity.ANYONES_ID, imu_identity.FIRST_ID} <= {first, *others}:
-            known = Wish(imu_identity.FIRST_ID, imu_identity.RATE_HZ, is_optional=True)
-            optional.append(known)
-        optional += comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
-        if wanted.aiding.airspeed and identity.is_fixed_wing:
-            optional.append(Wish(mavlink.MAVLINK_MSG_ID_AIRSPEED, 4.0, is_optional=True))
-        optional.append(Wish(mavlink.MAVLINK_MSG_ID_VIBRATION, 2.0, is_optional=True))
-        return (*wishes, *self.motion.wishes, *optional)
-
     def _imu_rate_hz(self) -> float | None:
         row = self._estimation.imu_message
-        return self._streams.measured_hz(row.message_id) if row and self._streams else None
+        return self._wanted.measured_hz(row.message_id) if row else None
 
     def _granted_rate_hz(self) -> float | None:
         row = self._estimation.imu_message
-        return self._streams.granted_hz(row.message_id) if row and self._streams else None
+        return self._wanted.granted_hz(row.message_id) if row else None
 
     def _why_no_imu(self, t_ns: int) -> Objection:
         found = self._estimation.why_no_samples(t_ns)
         if found is not None:
             return found
-        identity = self._autopilot.identity
-        if identity is None or self._streams is None:
-            return SILENT_IMU
-        wished = preference(identity.autopilot, self._settings.autopilot.imu_message)
-        return DENIED_IMU if self._streams.is_refused(wished[0]) else SILENT_IMU
+        return DENIED_IMU if self._wanted.imu_is_denied else SILENT_IMU
 
     def _signs(self, t_ns: int) -> Signs:
         units = (Objection(f"units {what}", text) for what, text in self._units.complaints)
@@ -819,7 +688,3 @@ class Service:
 
     def _send_all(self, messages: Iterable[OutMessage]) -> list[Effect]:
         return [self._send(message) for message in messages]
-
-
-def _uncounted(_message_id: int) -> None:
-    """Nothing is bound."""

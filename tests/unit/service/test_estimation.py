@@ -391,3 +391,41 @@ def test_compasses_that_differ_are_reported_when_it_lasts():
     (alarm,) = compasses_differ(flight)
     assert alarm.size == pytest.approx(180.0, abs=5.0)
     assert alarm.since_s == pytest.approx(5.0, abs=0.5)
+
+
+def test_who_takes_a_message_is_remembered_only_while_it_holds():
+    """What is remembered is what the lanes answer, through silence, rest, recovery and identity."""
+    flight = Flight(sends=(HIGHRES, RAW, SECOND, THIRD))
+    estimation, remembered = flight.estimation, flight.estimation._takers
+
+    def compared(t_ns, message_id):
+        found = remembered(t_ns, message_id)
+        needs = [(lane, lane.need(t_ns, message_id)) for lane in estimation._lanes]
+        assert found == tuple(taker for taker in needs if taker[1])
+        return found
+
+    estimation._takers = compared
+    original = flight._arrives
+
+    def arrives(message_id):
+        t_ns = flight.tick * 10_000_000 + flight.sends.index(message_id) * 10_000
+        taken = estimation.on_arrival(t_ns, message_id)
+        assert taken == bool(compared(t_ns, message_id))
+        if message_id == THIRD and taken and flight.tick < 700:
+            estimation.refuse(t_ns, message_id, "zero_force")
+            return
+        original(message_id)
+
+    flight._arrives = arrives
+    flight.run(2.0)
+    flight.sends = (RAW, SECOND)
+    flight.run(1.0)
+    flight.sends = (SECOND,)
+    flight.run(1.0)
+    flight.sends = (HIGHRES, RAW, SECOND, THIRD)
+    flight.run(2.0)
+    flight.highres_holds = 1
+    flight.run(2.0)
+    flight.highres_holds = 0
+    flight.run(64.0)  # a rest ends after a minute
+    assert flight.outcomes
