@@ -19,7 +19,7 @@ from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.preflight import GroundVerdict
 from h2nav.service import records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
-from h2nav.service.autopilot import Autopilot, Heard, Sender
+from h2nav.service.autopilot import Autopilot, Heard, Identity, Sender
 from h2nav.service.before_arming import BeforeArming, reasons_in
 from h2nav.service.clocks import Clocks
 from h2nav.service.comparing import Comparing
