@@ -1,15 +1,16 @@
 """Whether an anonymous recording still holds what it should not."""
 
 from collections.abc import Iterable
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 from h2nav.recordings.anonymous import Coordinates, patterns_of
 
-MOST_FIXES = 24
+# Fixes that are searched for; fewer in a large file, so that the search ends within a minute.
+MOST_FIXES, FEWEST_FIXES, SEARCHED_BYTES = 24, 4, 5_000_000_000
 # Fewer different bytes occur by chance, as 0.0000 does.
 LEAST_DIFFERENT = 4
-SHORTEST = 6
+SHORTEST, LONGEST = 6, 128
+BLOCK_BYTES = 1 << 21
 
 
 def remains(path: Path, fixes: Iterable[Coordinates], names: Iterable[str]) -> list[str]:
@@ -24,18 +25,28 @@ def remains(path: Path, fixes: Iterable[Coordinates], names: Iterable[str]) -> l
         One phrase each; empty if nothing is.
     """
     chosen = list(dict.fromkeys(fixes))
-    chosen = chosen[:: max(len(chosen) // MOST_FIXES, 1)]
+    most = SEARCHED_BYTES // max(path.stat().st_size, 1)
+    most = min(max(most, FEWEST_FIXES), MOST_FIXES)
+    chosen = chosen[:: -(-len(chosen) // most) or 1]
     wanted = dict.fromkeys(patterns_of(chosen), "a coordinate")
     for name in names:
         plain = name.replace("-", " ")
         for text in {name, plain, plain.lower(), plain.upper()}:
             if len(text) >= SHORTEST:
                 wanted[text.encode()] = f"the id {name}"
-    found = []
-    with path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
-        for pattern, what in wanted.items():
-            if len(set(pattern)) >= LEAST_DIFFERENT and len(pattern) >= SHORTEST:
-                place = data.find(pattern)
-                if place >= 0:
-                    found.append(f"{what} at byte {place}: {pattern!r}")
+    wanted = {
+        pattern: what
+        for pattern, what in wanted.items()
+        if len(set(pattern)) >= LEAST_DIFFERENT and len(pattern) >= SHORTEST
+    }
+    found, start, before = [], 0, b""
+    with path.open("rb") as stream:
+        while block := stream.read(BLOCK_BYTES):
+            data = before + block
+            seen = [pattern for pattern in wanted if pattern in data]
+            for pattern in seen:
+                place = start - len(before) + data.index(pattern)
+                found.append(f"{wanted.pop(pattern)} at byte {place}: {pattern!r}")
+            start += len(block)
+            before = data[-LONGEST:]
     return found

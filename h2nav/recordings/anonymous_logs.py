@@ -9,7 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from mmap import ACCESS_READ, mmap
+from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -161,6 +161,7 @@ def anonymise_dataflash(
             covered = np.concatenate(spans) if spans else np.empty((0, 2), np.int64)
             zeroed, end = _zero_between(data, covered, end, _definitions)
             counted = counted.plus(other_bytes=zeroed)
+            data.madvise(MADV_DONTNEED)  # what was written goes to the file
         rest = np.array([[len(data), len(data)]])
         return counted.plus(other_bytes=_zero_between(data, rest, end, _definitions)[0])
 
@@ -266,6 +267,7 @@ def anonymise_ulog(
                 progress(number, len(layout.topics))
                 counted = _ulog_rows(topic, _Rows(data, row, places), by, counted)
                 spans.append(_whole(data, places))
+                data.madvise(MADV_DONTNEED)  # what was written goes to the file
             spans.append(_whole(data, layout.others))
             counted = _ulog_notes(data, layout, by, counted)
             covered = np.concatenate([*spans, [[len(data), len(data)]]])
