@@ -1,6 +1,7 @@
 """Two flights side by side: parameters that differ, figures with their deviations, verdicts."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -65,9 +66,12 @@ GROUPS = {
     "WPNAV_": "navigation between waypoints",
 }
 OTHERS = "others"
-# What an autopilot counts by itself, and measures at every start.
-COUNTED = ("STAT_", "SYS_NUM_RESETS", "LND_FLIGHT_T_", "COM_FLIGHT_UUID", "GND_ABS_PRESS")
-COUNTERS = "counted or measured by the autopilot itself"
+# What an autopilot counts by itself, measures at every start, or learns in flight.
+COUNTED = re.compile(
+    r"STAT_.*|SYS_NUM_RESETS|LND_FLIGHT_T_.*|COM_FLIGHT_UUID|(GND|BARO\d?)_(ABS|GND)_?PRESS"
+    r"|GND_TEMP|INS_GYR\d?OFFS_[XYZ]|INS_\w+_?CALTEMP|COMPASS_DEC|MOT_THST_HOVER"
+)
+COUNTERS = "counted, measured or learnt by the autopilot itself"
 
 
 class ParameterPair(NamedTuple):
@@ -125,7 +129,7 @@ def parameter_pairs(
 
 def group_of(name: str) -> str:
     """What a parameter sets."""
-    if name.startswith(COUNTED):
+    if COUNTED.fullmatch(name):
         return COUNTERS
     fitting = [prefix for prefix in GROUPS if name.startswith(prefix)]
     return GROUPS[max(fitting, key=len)] if fitting else OTHERS

@@ -65,5 +65,8 @@ def test_whether_it_is_one_airframe():
 
 def test_longer_prefixes_count():
     assert group_of("SERIAL1_BAUD") == "serial ports"
+    for name in ("BARO1_GND_PRESS", "GND_ABS_PRESS", "INS_GYR2OFFS_X", "INS_GYR1_CALTEMP"):
+        assert group_of(name) == COUNTERS
+    assert group_of("INS_ACC2OFFS_X") == "inertial sensors and their filters"
     assert group_of("SERVO1_MIN") == "outputs"
     assert group_of("SR1_POSITION") == "telemetry streams"
