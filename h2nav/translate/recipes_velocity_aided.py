@@ -165,6 +165,7 @@ RECIPES = (
             "s.bias_moved",
             "s.bias_trend",
             "s.bias_expected",
+            "s.bias_usual",
             "s.bias_walk",
         ),
         (_STATE,),
@@ -182,7 +183,7 @@ RECIPES = (
     Recipe(
         "adapt_walk",
         "adapt_walk",
-        ("s.bias_moved", "s.bias_trend", "s.bias_expected", "s.bias_walk"),
+        ("s.bias_moved", "s.bias_trend", "s.bias_expected", "s.bias_usual", "s.bias_walk"),
         (_STATE,),
         {"period": _PERIOD, "s.age_s": _own("age_us", _US)},
         {
@@ -190,6 +191,7 @@ RECIPES = (
             "keep * keep": _SHARE,
             "moved": _SUM,
             "trend": _SUM,
+            "usual": _grid(floats.BIAS_SUM_VARIANCE, saturates=True),
             "expected": _grid((28, floats.BIAS_VARIANCE[1], -4.0, 4.0)),
             "walk": _grid((28, floats.BIAS_VARIANCE[1], -2.0, 2.0)),
         },

@@ -32,18 +32,20 @@ from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density, set_ma
 from h2nav.attitude.velocity_aided.kernel.start import begin, expect_vertical_bias, find_in_air
 from h2nav.attitude.velocity_aided.kernel.step import step
 from h2nav.attitude.velocity_aided.kernel.tilt import LEVEL_SIGMA
-from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
+from h2nav.attitude.velocity_aided.memory import OLDEST_FIELD, Gains, Sample, State, Workspace
 from h2nav.attitude.velocity_aided.shell import (
     AIR_TILT_SIGMA_RAD,
     LONGEST_GAP_US,
     TRUST,
+    WHOLE,
     HeadingState,
+    RefusedField,
     VelocityAidedShell,
     clipping,
     is_plausible_field,
 )
 from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix
-from h2nav.maths.quaternion import multiply
+from h2nav.maths.quaternion import multiply, rotate
 from h2nav.maths.units import GRAVITY_M_S2
 
 # How long a field is awaited; least time over which the forces are averaged.
@@ -153,7 +155,12 @@ class VelocityAidedFilter(VelocityAidedShell):
 
     def _heading(self) -> HeadingState:
         s = self._state
-        return HeadingState(s.age_s, s.heading_turned, s.heading_variance)
+        set_matrix(s, self._workspace, *s.q_nb[:])
+        x, y, z = self._workspace.r_nb[6:9]
+        drift = s.p_xx * x * x + s.p_yy * y * y + s.p_zz * z * z
+        drift += 2.0 * (s.p_xy * x * y + s.p_xz * x * z + s.p_yz * y * z)
+        drift_rad_s = math.sqrt(max(drift, 0.0))
+        return HeadingState(s.age_s, s.heading_turned, s.heading_variance, drift_rad_s)
 
     def follow(self, t_us: int) -> None:
         """Continues after a sample of this time, to which a batch has brought state and sample."""
@@ -231,8 +238,13 @@ class VelocityAidedFilter(VelocityAidedShell):
     def _turn_heading(self, angle_rad: float) -> None:
         turn_heading(self._state, self._workspace, self._g, angle_rad)
 
-    def _set_witnessed(self, is_witnessed: bool) -> None:
+    @property
+    def _is_witnessed(self) -> bool:
+        return self._state.heading_witnessed > 0.0
+
+    def _set_witnessed(self, is_witnessed: bool, off_rad: float) -> None:
         self._state.heading_witnessed = 1.0 if is_witnessed else 0.0
+        self._state.heading_off = off_rad
         if is_witnessed:
             self._state.heading_unknown = 0.0
 
@@ -245,6 +257,20 @@ class VelocityAidedFilter(VelocityAidedShell):
         if self._g.offset_variance > 0.0 and s.mag_ref_given > 0.0:
             set_matrix(s, self._workspace, *s.q_nb[:])
             open_offset(s, self._workspace, WIDE_OFFSET**2)
+
+    def _refused_field(self) -> RefusedField | None:
+        s = self._state
+        if s.mag_ref_given == 0.0 or s.mag_accepted_age_s <= 0.0 or s.mag_age_s > OLDEST_FIELD:
+            return None
+        w, x, y, z = s.q_nb[:]
+        a, b, c = (m - s.mag_ref_norm * o for m, o in zip(s.mag_last, s.field_offset, strict=True))
+        north, east, down = rotate((w, x, y, z), (a, b, c))
+        flat = math.hypot(north, east)
+        norm = math.hypot(flat, down) / s.mag_ref_norm - 1.0
+        if math.hypot(norm, math.atan2(down, flat) - s.mag_ref_dip) > WHOLE:
+            return None
+        turn_rad = math.remainder(s.declination - math.atan2(east, north), 2.0 * math.pi)
+        return RefusedField(turn_rad, s.mag_accepted_age_s)
 
     def _limit_heading(self, sigma_rad: float) -> None:
         s = self._state

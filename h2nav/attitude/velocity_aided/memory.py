@@ -93,6 +93,7 @@ class State:
     bias_expected: list[float] = reals(
         3, "(rad/s)^2", "variance of that sum if the bias walks as usual", BIAS_SUM_VARIANCE
     )
+    bias_usual: list[float] = reals(3, "(rad/s)^2", "the same, low-passed", BIAS_SUM_VARIANCE)
     bias_walk: list[float] = reals(
         3, "rad^2/s^3", "walk of the gyro bias beyond the usual", BIAS_WALK
     )
@@ -150,6 +151,7 @@ class State:
     heading_unknown: float = real("", "1: nothing has shown the heading since a gap in the air")
     heading_witnessed: float = real("", "1: measured velocities show the heading too")
     heading_confirmed: float = real("rad", "deviation of the heading they have shown; 0: not yet")
+    heading_off: float = real("rad", "difference from the heading they show; 0: within deviations")
     field_offset: list[float] = reals(3, "", "offset of the field, body, over the reference's norm")
     p_offset: list[float] = reals(6, "", "the offset's covariance: xx, xy, xz, yy, yz, zz; 0: none")
     p_offset_x: list[float] = reals(4, "", "covariance of theta with the offset x")

@@ -33,8 +33,10 @@ from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.heading_witness import (
     HIGH_PASS_S,
     INFLATION,
+    KNOWN_RAD,
     Heading,
     HeadingWitness,
+    VelocityNoise,
     velocity_walk,
 )
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
@@ -62,6 +64,10 @@ AIR_TILT_SIGMA_RAD = 20.0 * DEG
 # A heading that differs from that of the velocities by more deviations, and by more in total, is
 # doubted: iron may have bent the field. Of the regression this many of its own deviations count.
 DOUBT, LEAST_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
+# A field that is refused for longer is weighed against the filter as if for the first time,
+HEARING_S = 10.0
+# if its norm and dip are the earth's: relative, and rad.
+WHOLE = 0.03
 # A gyro is doubted anew when the variance of its bias grows by this factor.
 NEWS = 4.0
 
@@ -81,12 +87,30 @@ TRUST = tuple(
 )
 
 
+class RefusedField(NamedTuple):
+    """A field with the earth's norm and dip whose heading is refused."""
+
+    turn_rad: float  # from the filter's heading to that by the field
+    refused_s: float  # time since a field was used
+
+    def is_heard_by(self, seen: Heading) -> bool:
+        """Whether it and velocities contradict the filter, and not each other.
+
+        Iron that leaves norm and dip turns no heading as far, and velocities would show a compass
+        that is turned.
+        """
+        apart = math.remainder(self.turn_rad - seen.turn_rad, 2.0 * math.pi)
+        is_far = abs(self.turn_rad) > KNOWN_RAD
+        return self.refused_s > HEARING_S and is_far and abs(apart) < seen.limit_rad
+
+
 class HeadingState(NamedTuple):
     """The state of a filter's heading."""
 
     age_s: float  # time since the tilt was found
     turned_rad: float  # sum of all corrections of the heading so far
     variance: float  # from the covariance, rad^2
+    drift_rad_s: float  # deviation of the gyro's bias about the vertical
 
 
 class VelocityAidedShell(ABC):
@@ -315,9 +339,14 @@ class VelocityAidedShell(ABC):
     def _turn_heading(self, angle_rad: float) -> None:
         """Turns by an angle at once, and forgets the state of the heading."""
 
+    @property
     @abstractmethod
-    def _set_witnessed(self, is_witnessed: bool) -> None:
-        """Sets whether velocities show the heading now."""
+    def _is_witnessed(self) -> bool:
+        """Whether velocities show the heading."""
+
+    @abstractmethod
+    def _set_witnessed(self, is_witnessed: bool, off_rad: float) -> None:
+        """Sets whether velocities show the heading now, and by how much it is probably off."""
 
     @abstractmethod
     def _confirm(self, shown_rad: float) -> None:
@@ -326,6 +355,10 @@ class VelocityAidedShell(ABC):
     @abstractmethod
     def _doubt_field(self) -> None:
         """Notes that velocities have contradicted the field's heading."""
+
+    @abstractmethod
+    def _refused_field(self) -> RefusedField | None:
+        """The newest field, if its norm and dip are the earth's and its heading is refused."""
 
     @abstractmethod
     def _limit_heading(self, sigma_rad: float) -> None:
@@ -404,17 +437,30 @@ class VelocityAidedShell(ABC):
             return
         errors = self.sensor_errors
         walk = velocity_walk(errors.rate_density, errors.force_density)
-        noise = (math.sqrt(fix.variance), walk)
-        seen = self._witness.take(fix.v_n, fix.earlier, heading.turned_rad, fix.period_s, *noise)
-        self._set_witnessed(seen is not None)
+        sigma_m_s = math.sqrt(fix.variance)
+        noise = VelocityNoise(sigma_m_s, walk, heading.drift_rad_s)
+        seen = self._witness.take(fix.v_n, fix.earlier, heading.turned_rad, fix.period_s, noise)
+        # A witness that has become less certain still keeps a turned compass away.
+        is_witnessed = seen is not None and (seen.is_known or self._is_witnessed)
+        self._set_witnessed(is_witnessed, 0.0 if seen is None else seen.off_rad)
         if seen is None:
             return
-        self._compare(seen, heading.variance)
+        if seen.is_known:
+            self._compare(seen, heading.variance)
         if seen.contradicts:
-            self._turn_heading(seen.turn_rad)
-            # Latency and tilt were estimated from velocities turned the wrong way.
-            self._limit_heading(INFLATION * seen.sigma_rad)
-            self._watch_in_air(self._t_us or 0)
+            self._find_heading(seen.turn_rad, seen.sigma_rad)
+            return
+        refused = self._refused_field()
+        if refused is not None and refused.is_heard_by(seen):
+            self._find_heading(refused.turn_rad, seen.sigma_rad)
+
+    def _find_heading(self, turn_rad: float, sigma_rad: float) -> None:
+        """Turns to another heading, of this deviation."""
+        self._turn_heading(turn_rad)
+        self._witness.adopt(turn_rad)
+        # Latency and tilt were estimated from velocities turned the wrong way.
+        self._limit_heading(INFLATION * sigma_rad)
+        self._watch_in_air(self._t_us or 0)
 
     def _compare(self, seen: Heading, variance: float) -> None:
         """Confirms the heading by velocities, or doubts the field that gave it."""

@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,12 +14,14 @@ from h2nav.attitude.velocity_aided.heading_witness import (
     SIZE,
     Heading,
     HeadingWitness,
+    VelocityNoise,
     velocity_walk,
 )
+from h2nav.attitude.velocity_aided.shell import RefusedField
 
 PERIOD_S = 0.2
 SIGMA_M_S = 0.1
-WALK = velocity_walk(5e-7, 1e-5)
+NOISE = VelocityNoise(SIGMA_M_S, velocity_walk(5e-7, 1e-5))
 
 
 def velocity(t: float) -> complex:
@@ -38,6 +41,7 @@ def watch(
     moves=velocity,
     jump=nothing,
     turned: float = 0.0,
+    noise: VelocityNoise = NOISE,
 ) -> list[Heading | None]:
     """Fixes of a receiver that is late and jumps, and a filter whose heading is off."""
     rng = np.random.default_rng(5)
@@ -49,9 +53,7 @@ def watch(
         seen = moves(t - latency_s) + jump(t) + complex(n, e)
         felt = [frame * moves(t - back) for back in LATENCIES_S]
         gained = [(part.real, part.imag) for part in felt]
-        found.append(
-            witness.take((seen.real, seen.imag), gained, turned, PERIOD_S, SIGMA_M_S, WALK)
-        )
+        found.append(witness.take((seen.real, seen.imag), gained, turned, PERIOD_S, noise))
     return found
 
 
@@ -99,7 +101,7 @@ def test_a_vehicle_that_does_not_move_shows_no_heading() -> None:
     witness = HeadingWitness()
     still = [(0.0, 0.0)] * len(LATENCIES_S)
     for period_s in (0.0, PERIOD_S, 2.5) * 20:
-        assert witness.take((0.0, 0.0), still, 0.0, period_s, 0.0, 0.0) is None
+        assert witness.take((0.0, 0.0), still, 0.0, period_s, VelocityNoise(0.0, 0.0)) is None
 
 
 def test_a_velocity_of_another_size_shows_no_heading() -> None:
@@ -129,3 +131,64 @@ def test_a_blind_witness_takes_nothing_of_that_time_and_then_starts_anew() -> No
         last = watch(one, 0.0, (4.0, 44.0))[-1]
         assert last is not None
         assert abs(last.turn_rad) < 3.0 * last.sigma_rad < 15.0 * DEG
+
+
+# --- a gyro that turns meanwhile ----------------------------------------------------------------
+
+CALM = VelocityNoise(0.1, 0.0, 0.02 * DEG)
+
+
+def corrected(turned: Callable[[float], float], is_right: bool, until_s: float) -> Heading | None:
+    """Of a heading that was corrected by `turned` until a time; rightly, or by a false field."""
+    witness, found = HeadingWitness(), None
+    gained = [0j] * len(LATENCIES_S)
+    for i in range(round(until_s / PERIOD_S)):
+        t = i * PERIOD_S
+        frame = 1.0 if is_right else cmath.exp(1j * turned(t))
+        for k, back_s in enumerate(LATENCIES_S):
+            gained[k] += frame * (velocity(t - back_s) - velocity(t - PERIOD_S - back_s)) / GRAVITY
+        pairs = [(part.real, part.imag) for part in gained]
+        seen = velocity(t)
+        found = witness.take((seen.real, seen.imag), pairs, turned(t), PERIOD_S, CALM)
+    return found
+
+
+@pytest.mark.parametrize("rate_deg_s", [0.1, 0.3])
+def test_a_gyro_that_drifts_and_is_corrected_contradicts_no_heading(rate_deg_s: float) -> None:
+    found = corrected(lambda t: rate_deg_s * DEG * t, True, 90.0)
+    assert found is not None
+    assert abs(found.turn_rad) < 2.0 * found.sigma_rad < 24.0 * DEG
+    assert found.off_rad == 0.0
+
+
+def test_a_heading_that_a_false_field_has_turned_at_once_is_found() -> None:
+    """The corrections say that the gyro has turned, and it is seen that it has not."""
+    found = corrected(lambda t: 40.0 * DEG if t > 60.0 else 0.0, False, 90.0)
+    assert found is not None
+    assert found.turn_rad == pytest.approx(-40.0 * DEG, abs=found.sigma_rad)
+    assert found.contradicts
+
+
+def test_a_bias_that_is_not_known_doubts_the_heading() -> None:
+    def last(drift_rad_s: float) -> Heading:
+        noise = VelocityNoise(1.0, 0.0, drift_rad_s)
+        found = watch(HeadingWitness(), 20.0 * DEG, (0.0, 90.0), noise=noise)[-1]
+        assert found is not None
+        return found
+
+    assert 1.5 < last(1.0 * DEG).sigma_rad / last(0.0).sigma_rad < 2.5
+
+
+# --- a field that is refused --------------------------------------------------------------------
+
+SEEN = Heading(2.0 * DEG, 3.0 * DEG)  # its limit is 12 deg
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "refused_s", "is_heard"),
+    [(13.0, 11.0, True), (13.0, 9.0, False), (10.0, 11.0, False), (25.0, 11.0, False)],
+)
+def test_a_refused_field_is_heard_where_velocities_allow_it(
+    turn_deg: float, refused_s: float, is_heard: bool
+) -> None:
+    assert RefusedField(turn_deg * DEG, refused_s).is_heard_by(SEEN) is is_heard

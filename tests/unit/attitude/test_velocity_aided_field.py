@@ -17,6 +17,7 @@ from velocity_flights import (
 )
 
 from h2nav.attitude.samples import ImuSample, Vec3, VehicleState
+from h2nav.maths import quaternion
 
 NO_BIAS = (0.0, 0.0, 0.0)
 
@@ -74,6 +75,30 @@ def test_a_false_heading_that_lasts_is_taken() -> None:
     before, after = heading_errors_deg(True, 100.0, (18.0, 22.0))
     assert abs(before) < 1.0
     assert after == pytest.approx(-30.0, abs=2.0)
+
+
+@pytest.mark.parametrize(("down", "is_taken"), [(0.08, True), (0.0, False)])
+def test_a_sound_field_after_steel_on_the_ground_is_taken(down: float, is_taken: bool) -> None:
+    """If norm and dip showed the steel; otherwise the sound field may be the wrong one."""
+    drive = accelerating(50.0, 24, force=still, law=gentle, bias_b=NO_BIAS)
+    steel = (0.0, 0.12 * FIELD.norm_ut, down * FIELD.norm_ut)
+
+    def change(i: int, sample: ImuSample) -> ImuSample:
+        if i >= 4000 or sample.m_b_ut is None:
+            return sample
+        x, y, z = quaternion.rotate(quaternion.conjugate(drive.flight.q_nb[i]), steel)
+        a, b, c = sample.m_b_ut
+        return sample._replace(m_b_ut=(a + x, b + y, c + z))
+
+    filter_ = new_filter(knows_field=True)
+    estimates = [filter_.update(sample) for sample in with_samples(drive, change).flight.samples]
+    off = []
+    for i in (3990, 4900):
+        estimate = estimates[i]
+        assert estimate is not None
+        off.append(abs(heading_apart(drive.flight.q_nb[i], estimate.q_nb)) / DEG)
+    assert off[0] > 10.0
+    assert (off[1] < 2.0) is is_taken
 
 
 def test_without_a_given_reference_the_heading_follows_at_once() -> None:

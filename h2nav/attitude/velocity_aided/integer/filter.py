@@ -67,6 +67,7 @@ from h2nav.attitude.velocity_aided.shell import (
     MOST_FIELD_UT,
     TRUST,
     HeadingState,
+    RefusedField,
     VelocityAidedShell,
     clipping,
 )
@@ -272,7 +273,8 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         # updated with every fix, long before the counter moves by half of its range
         self._turned += _signed(s.heading_turned - self._turned)
         turned = self._turned * 2.0**-18
-        return HeadingState(s.age_us * 1e-6, turned, s.heading_variance * _HEADING_UNIT)
+        # The scatter of the velocities alone counts.
+        return HeadingState(s.age_us * 1e-6, turned, s.heading_variance * _HEADING_UNIT, 0.0)
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Expects the field to be older than the rate by as much; see `AttitudeFilter`."""
@@ -456,7 +458,11 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
             if not rest:
                 return
 
-    def _set_witnessed(self, is_witnessed: bool) -> None:
+    @property
+    def _is_witnessed(self) -> bool:
+        return self._state.heading_witnessed > 0
+
+    def _set_witnessed(self, is_witnessed: bool, off_rad: float) -> None:
         self._state.heading_witnessed = int(is_witnessed)
 
     def _confirm(self, shown_rad: float) -> None:
@@ -464,6 +470,10 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
 
     def _doubt_field(self) -> None:
         """Does nothing: this filter does not learn the field's offset."""
+
+    def _refused_field(self) -> RefusedField | None:
+        # The kernel does not tell how long it has refused a field.
+        return None
 
     def _limit_heading(self, sigma_rad: float) -> None:
         s = self._state

@@ -26,6 +26,7 @@ class SharedFields:
     bias_moved: list[I32]
     bias_trend: list[I32]
     bias_expected: list[I32]
+    bias_usual: list[I32]
     bias_walk: list[I32]
     accel_bias: list[I32]
     dtilt_accel_n: list[I32]

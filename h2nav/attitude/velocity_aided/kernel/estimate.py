@@ -111,4 +111,5 @@ def heading_deviation(s: State) -> float:
         if shown > 0.0 and shown < unconfirmed:
             unconfirmed = shown
         hidden = hidden + unconfirmed
-    return math.sqrt(HEADING_SHARE * HEADING_SHARE * variance + hidden / (flat * flat))
+    variance = HEADING_SHARE * HEADING_SHARE * variance + s.heading_off * s.heading_off
+    return math.sqrt(variance + hidden / (flat * flat))

@@ -23,6 +23,8 @@ from .theta import apply_theta, follow_bias, measure_theta, times_covariance
 LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 # A difference of fewer deviations may be the heading's error.
 KNOWN_SIGMAS_2 = 4.0
+# A field is sound beside one whose norm and dip differ by so many times as much, squared.
+SOUNDER_2 = 9.0
 OFFSET_TIME = 20.0  # s: over which a constant disturbance is distinguished from a passing one
 # Along the reference and down, which do not depend on the heading: errors of field model and
 # calibration, and twice their correlation time.
@@ -282,11 +284,35 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
         return 0.0
     if s.heading_witnessed > 0.0:
         return 1.0
+    if was_disturbed(s, w, g, innovation) > 0.0:
+        return 0.0
     s.heading_rejected_s = s.heading_rejected_s + age
     if s.heading_rejected_s > g.mag_new_time_s:
         # It has lasted: the heading is wrong.
         s.heading_rejected_s = 0.0
         s.mag_accepted_age_s = HEADING_LOST
+    return 1.0
+
+
+def was_disturbed(s: State, w: Workspace, g: Gains, innovation: float) -> float:
+    """Returns 1 if a disturbed field gave the heading, and this one is sound: opens the heading.
+
+    Steel under the place of take-off bends the field on the ground only. Source: docs/filter.md
+    Eq. (76).
+    """
+    shown = s.mag_offset_norm * s.mag_offset_norm + s.mag_offset_dip * s.mag_offset_dip
+    flat = math.sqrt(w.mag_ned[0] * w.mag_ned[0] + w.mag_ned[1] * w.mag_ned[1])
+    norm = math.sqrt(flat * flat + w.mag_ned[2] * w.mag_ned[2])
+    more_norm = norm / s.mag_ref_norm - 1.0
+    more_dip = math.atan2(w.mag_ned[2], flat) - s.mag_ref_dip
+    if SOUNDER_2 * (more_norm * more_norm + more_dip * more_dip) > shown:
+        return 0.0
+    # The third component is as large as the two that showed.
+    level = math.cos(s.mag_ref_dip) + 0.01
+    variance = 0.5 * shown / (level * level)
+    if innovation * innovation > g.mag_heading_gate * variance:
+        return 0.0
+    s.heading_variance = s.heading_variance + variance
     return 1.0
 
 

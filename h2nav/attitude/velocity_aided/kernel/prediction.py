@@ -220,6 +220,7 @@ def begin_bias(s: State, w: Workspace, g: Gains) -> None:
         s.bias_moved[i] = 0.0
         s.bias_trend[i] = 0.0
         s.bias_expected[i] = 0.0
+        s.bias_usual[i] = 0.0
         s.bias_walk[i] = 0.0
     level_sensitivities(s, w)
     s.fix_period_s = 1.0

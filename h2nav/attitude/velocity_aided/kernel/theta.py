@@ -181,7 +181,8 @@ def adapt_walk(s: State, period: float) -> None:
             expected = 0.0
         # A receiver's velocity that swings moves the bias to and fro, a warm-up one way.
         trend = keep * s.bias_trend[i] + (1.0 - keep) * moved
-        walk = 2.0 * (trend * trend - expected) / MOVING_TIME
+        usual = keep * s.bias_usual[i] + (1.0 - keep) * expected
+        walk = 2.0 * (trend * trend - 0.5 * usual) / MOVING_TIME
         if walk < 0.0:
             walk = 0.0
         if walk > MOST_WALK:
@@ -189,6 +190,7 @@ def adapt_walk(s: State, period: float) -> None:
         s.bias_moved[i] = moved
         s.bias_trend[i] = trend
         s.bias_expected[i] = expected
+        s.bias_usual[i] = usual
         s.bias_walk[i] = walk
 
 

@@ -312,7 +312,7 @@ def begin_bias(s: State) -> None:
     """Begins to learn, or freezes, bias and latency when measured velocities begin or end.
 
     From `begin_bias`: s.p_accel_x, s.p_accel_y, s.bias_moved, s.bias_trend, s.bias_expected,
-    s.bias_walk.
+    s.bias_usual, s.bias_walk.
 
     Source: docs/filter.md Eq. (35), (36).
     """
@@ -323,6 +323,7 @@ def begin_bias(s: State) -> None:
         s.bias_moved[i] = 0
         s.bias_trend[i] = 0
         s.bias_expected[i] = 0
+        s.bias_usual[i] = 0
         s.bias_walk[i] = 0
 
 
@@ -343,7 +344,7 @@ def follow_bias(s: State, step: list[I32], before_x: I32, before_y: I32, before_
 def adapt_walk(s: State) -> None:
     """Raises the walk of a bias whose corrections of late add up to more than expected.
 
-    From `adapt_walk`: s.bias_moved, s.bias_trend, s.bias_expected, s.bias_walk.
+    From `adapt_walk`: s.bias_moved, s.bias_trend, s.bias_expected, s.bias_usual, s.bias_walk.
 
     Source: docs/filter.md Eq. (74).
     """
@@ -360,7 +361,12 @@ def adapt_walk(s: State) -> None:
         if expected < 0:
             expected = 0
         trend = limited(product(s.bias_trend[i], keep) + product(moved, 32768 - keep), 536870911)
-        walk = ((product(square_q28(trend), 26214) << 1) - product(expected << 1, 26214) + 8) >> 4
+        usual = clamp(
+            product(s.bias_usual[i], keep) + product(expected, 32768 - keep), 0, 1073741823
+        )
+        walk = (
+            (product(square_q28(trend), 26214) << 1) - (product(usual << 1, 26214) >> 1) + 8
+        ) >> 4
         if walk < 0:
             walk = 0
         if walk > 511472:
@@ -368,4 +374,5 @@ def adapt_walk(s: State) -> None:
         s.bias_moved[i] = moved
         s.bias_trend[i] = trend
         s.bias_expected[i] = expected
+        s.bias_usual[i] = usual
         s.bias_walk[i] = walk
