@@ -1,6 +1,8 @@
 """Flights that were never flown, with what the review's page shows: a magnet, a GPS loss, modes."""
 
+import json
 import math
+import re
 
 import numpy as np
 from needs import DEG
@@ -18,6 +20,7 @@ from h2nav.recordings.context import (
     Said,
     Series,
     Span,
+    Sticks,
 )
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.document import document
@@ -42,6 +45,18 @@ NO_GPS_S = (420.0, 470.0)
 def page_of(flight, analysis):
     """The page of a flight, as `h2nav review` writes it."""
     return page(flight, analysis, document(flight, analysis))
+
+
+def shown_by(html):
+    """What the script of the page draws."""
+    block = re.search(r'<script type="application/json" id="review">(.*?)</script>', html)
+    return json.loads(block[1])
+
+
+def text_of(html):
+    """What is read, without scripts and styles."""
+    html = re.sub(r"<(script|style)\b.*?</\1>", "", html, flags=re.DOTALL)
+    return " ".join(re.sub(r"<[^>]*>", " ", html).split()).replace("&#x27;", "'")
 
 
 def quaternions(roll, pitch, heading):
@@ -257,6 +272,10 @@ def made_crash():
         ),
         armed=(Span(5.0, 112.0, "armed"),),
         demand=Series(t_s, np.column_stack((roll, pitch, heading))),
+        demanded_rates=Series(
+            t_s, np.gradient(np.column_stack((roll, pitch, heading)), 0.1, axis=0)
+        ),
+        sticks=Sticks(t_s, 0.4 * np.sin(t_s), 0.2 * np.cos(t_s), np.zeros(len(t_s)), throttle),
         motors=Motors((1, 2, 3, 4), t_s, pwm_us, 1000.0, 2000.0),
         throttle=Series(t_s, throttle),
         height_m=Series(t_s, height_m),

@@ -132,15 +132,15 @@ class _Disagreement:
         text, whom = {
             VelocityVerdict.H2NAV: (
                 f"{source.value} {part} off {size}, GPS backs us",
-                "agrees with h2nav",
+                "GPS velocity agrees with h2nav",
             ),
             VelocityVerdict.AUTOPILOT: (
                 f"our {part} off {size}, GPS backs {source.value}",
-                "agrees with the autopilot",
+                "GPS velocity agrees with the autopilot",
             ),
             VelocityVerdict.UNDECIDED: (
                 f"{source.value} {part} differs by {size}",
-                "does not show who is right",
+                "no GPS velocity shows who is right",
             ),
         }[verdict]
         is_main = source is AttitudeSource.AUTOPILOT
@@ -152,7 +152,7 @@ class _Disagreement:
             size_deg,
             "deg",
             text,
-            f"{part} of {whose} differs by {size} since {since_s:.0f} s; GPS velocity {whom}",
+            f"{part} of {whose} differs by {size} since {since_s:.0f} s; {whom}",
             # Two that are independent of us agree against us.
             degrades=is_main and verdict is VelocityVerdict.AUTOPILOT,
             since_s=since_s,

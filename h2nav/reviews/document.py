@@ -16,6 +16,7 @@ from h2nav.reviews.certainty import GROUPS, aids, covered_s
 from h2nav.reviews.chain import chain
 from h2nav.reviews.comparison import Difference, differences
 from h2nav.reviews.flight import Estimates, Flight
+from h2nav.reviews.last_seconds import Crash, Moment, last_seconds
 from h2nav.reviews.parameters import in_order
 from h2nav.reviews.subjects import KINDS
 from h2nav.reviews.tracks import CompassFit, Receiver, Spectrum, TimingTrack
@@ -56,6 +57,7 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "findings": [
             _finding(one, first[one.id], is_own=one.id in links.own) for one in links.findings
         ],
+        "crashes": [_crash(one) for one in last_seconds(flight, links.findings, analysis.impacts)],
         "looked_at": list(summed_up.looked_at),
         "not_looked_at": list(summed_up.missing),
         "checked": _checked(flight, analysis, apart),
@@ -115,6 +117,28 @@ def _finding(finding: Finding, first_cause: str | None, *, is_own: bool) -> dict
         "about": "h2nav" if is_own else "vehicle",
         "means": of_kind.means,
         "check": of_kind.check,
+    }
+
+
+def _crash(crash: Crash) -> dict[str, object]:
+    return {
+        **{key: value for key, value in crash._asdict().items() if key != "sticks"},
+        "sticks_percent": {axis: 100.0 * share for axis, share in crash.sticks.items()},
+        "before": [_moment(one) for one in crash.before],
+    }
+
+
+def _moment(one: Moment) -> dict[str, object]:
+    return {
+        "before_s": one.before_s,
+        "height_m": one.height_m,
+        "climb_m_s": one.climb_m_s,
+        "ground_speed_m_s": one.ground_speed_m_s,
+        "roll_deg": one.roll_rad / DEG,
+        "pitch_deg": one.pitch_rad / DEG,
+        "demanded_roll_deg": one.demanded_roll_rad / DEG,
+        "demanded_pitch_deg": one.demanded_pitch_rad / DEG,
+        "motors_percent": [100.0 * share for share in one.motors],
     }
 
 

@@ -27,6 +27,7 @@ def review_schema() -> dict[str, Any]:
         "start_utc": _MAY_TEXT,
         "duration_s": _NUMBER,
         "findings": {"type": "array", "items": {"$ref": "#/$defs/finding"}},
+        "crashes": _list_of(_crash()),
         "looked_at": _list_of(_TEXT),
         "not_looked_at": _list_of(_TEXT),
         "checked": _list_of(_object(what=_TEXT, for_s=_MAY_NUMBER)),
@@ -114,6 +115,43 @@ def _reviewed_finding() -> dict[str, Any]:
     }
     finding["required"] += ["consequence_of", "about", "means", "check"]
     return finding
+
+
+def _crash() -> dict[str, Any]:
+    moment = _object(
+        before_s=_NUMBER,
+        **dict.fromkeys(
+            (
+                "height_m",
+                "climb_m_s",
+                "ground_speed_m_s",
+                "roll_deg",
+                "pitch_deg",
+                "demanded_roll_deg",
+                "demanded_pitch_deg",
+            ),
+            _MAY_NUMBER,
+        ),
+        motors_percent=_list_of(_MAY_NUMBER),
+    )
+    return {
+        **_object(
+            id=_TEXT,
+            t_s=_NUMBER,
+            speed_m_s=_MAY_NUMBER,
+            speed_by=_list_of(_TEXT),
+            peak_m_s2=_MAY_NUMBER,
+            fell_m=_MAY_NUMBER,
+            attitude_by=_TEXT,
+            motors=_list_of({"type": "integer"}),
+            mode=_TEXT,
+            commanded_by={"enum": ["pilot", "autopilot", ""], "description": "by the flight mode"},
+            sticks_percent={"type": "object", "additionalProperties": _NUMBER},
+            reports=_list_of(_TEXT),
+            before=_list_of(moment),
+        ),
+        "description": "the last seconds before each crash",
+    }
 
 
 def _object(**properties: dict[str, Any]) -> dict[str, Any]:

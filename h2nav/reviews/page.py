@@ -3,12 +3,15 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from h2nav.integrity.findings import Finding
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.calibration import calibration_section
 from h2nav.reviews.cards import cards, is_wrong
 from h2nav.reviews.certainty import GROUPS
 from h2nav.reviews.chain import chain
+from h2nav.reviews.crash_card import crash_cards
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import asset, data_block, escape, frame, table
 from h2nav.reviews.parameters import Value, matters_for_attitude
@@ -16,7 +19,9 @@ from h2nav.reviews.pictures import (
     attitude,
     colours,
     compass,
+    control,
     event,
+    grounds,
     sensors,
     spectra,
     timeline,
@@ -24,11 +29,24 @@ from h2nav.reviews.pictures import (
     vehicle,
 )
 from h2nav.reviews.pictures.columns import shown_s
-from h2nav.reviews.pictures.picture import Curves, Picture, Section, Shown, Stack, for_script
+from h2nav.reviews.pictures.picture import (
+    Curves,
+    Lines,
+    Picture,
+    PictureRows,
+    Section,
+    Shown,
+    Stack,
+    Trace,
+    for_script,
+)
 from h2nav.reviews.verdict import first_sentence
 
 LONG_VERDICT = 160  # characters: set smaller, so that it does not fill a phone
 LEAST_PERCENT = 0.05  # smaller values are shown as nothing
+_USELESS = (
+    "Our own attitude is not shown: it came from a gyro that turned while the vehicle stood still."
+)
 _KINDS = {
     "tlog": "telemetry log",
     "bytes": "recorded link",
@@ -45,20 +63,25 @@ def page(flight: Flight, analysis: Analysis, document: dict[str, Any]) -> str:
         A file that opens without a network: findings, uncertainty, pictures.
     """
     findings = chain(flight, analysis).findings
-    happened = [one for one in (event.event(flight, findings),) if _is_filled(one)]
+    flight = attitude.without_useless(flight, findings)
+    happened = [one for one in (_event(flight, findings, document),) if _is_filled(one)]
     sections = [one for one in _sections(flight, analysis, findings) if _is_filled(one)]
+    is_ours_shown = flight.estimates is not None
     drawn = _Drawn()
     body = "\n".join(
         (
+            '<a class="skip" href="#findings">to the findings</a>',
             _title(document),
-            _findings(document),
+            "<main>",
+            _findings(document, is_ours_shown=is_ours_shown),
             *map(drawn.section, happened),
             _contents(sections),
             *map(drawn.section, sections),
-            _certainty(document),
+            _certainty(document) if is_ours_shown or not document["certainty"]["h2nav"] else "",
             calibration_section(document.get("calibration", {})),
             _texts(document),
             _parameters(document["parameters"]),
+            "</main>",
             _bar(),
         )
     )
@@ -67,6 +90,8 @@ def page(flight: Flight, analysis: Analysis, document: dict[str, Any]) -> str:
         "modes": timeline.mode_backdrop(flight),
         "marks": timeline.marks(flight, findings),
         "impact": colours.IMPACT,
+        "dark": colours.DARK,
+        "early_to_late": (colours.EARLY_TO_LATE, colours.EARLY_TO_LATE_DARK),
         "pictures": [for_script(picture) for picture in drawn.pictures],
     }
     return frame(
@@ -84,10 +109,12 @@ def _sections(
     return (
         timeline.timeline(flight, findings),
         attitude.attitude(flight),
-        vehicle.height(flight),
+        control.control(flight),
+        vehicle.height(flight, grounds.contacts(flight.context, findings)),
         vehicle.motors(flight),
         vehicle.battery(flight),
         track.track(flight, findings),
+        track.wind(flight),
         attitude.difference(flight),
         attitude.certainty(flight),
         attitude.innovations(flight),
@@ -98,6 +125,13 @@ def _sections(
         sensors.receivers(flight, analysis),
         sensors.timing(flight, analysis),
     )
+
+
+def _event(flight: Flight, findings: tuple[Finding, ...], document: dict[str, Any]) -> Section:
+    """The first event in pictures, with the cards of the crashes."""
+    found = event.event(flight, findings)
+    lead, others = crash_cards(document["crashes"])
+    return found._replace(lead=lead, html=others) if found.pictures else found
 
 
 def _is_filled(section: Section) -> bool:
@@ -113,10 +147,12 @@ class _Drawn:
 
     def __init__(self) -> None:
         self.pictures: list[Picture] = []
+        self._title = ""
 
     def section(self, section: Section) -> str:
         """HTML of a section, with a placeholder for every picture."""
-        parts = [f'<section id="{section.name}"><h2>{escape(section.title)}</h2>']
+        self._title = section.title
+        parts = [f'<section id="{section.name}"><h2>{escape(section.title)}</h2>', section.lead]
         parts.append(self._pictures(section.pictures))
         parts.append(section.html)
         if section.further:
@@ -132,13 +168,40 @@ class _Drawn:
         look = "half" if isinstance(picture, Curves) else "whole"
         look += " stack" if isinstance(picture, Stack) else ""
         about = f'<p class="about">{escape(picture.about)}</p>' if picture.about else ""
-        places = "".join(map(self._place, lanes))
+        named = picture.title or self._title
+        places = "".join(self._place(one, _described(one, named)) for one in lanes)
         title = f"<h3>{escape(picture.title)}</h3>" if picture.title else ""
         return f'<figure class="{look}">{title}{about}{places}</figure>'
 
-    def _place(self, picture: Picture) -> str:
+    def _place(self, picture: Picture, described: str) -> str:
         self.pictures.append(picture)
-        return f'<div class="plot" data-picture="{len(self.pictures) - 1}"></div>'
+        return (
+            f'<div class="plot" role="img" aria-label="{escape(described)}" '
+            f'data-picture="{len(self.pictures) - 1}"></div>'
+        )
+
+
+def _described(picture: Picture, of: str) -> str:
+    """A picture in words, for those who do not see it: its lines with their ranges."""
+    title = picture.title if isinstance(picture, Lines) and picture.title else of
+    if isinstance(picture, PictureRows):
+        rows = ", ".join(dict.fromkeys(row.label for row in picture.rows if row.label))
+        return f"{of}: bars over time of {rows}"
+    if not isinstance(picture, Lines | Curves):
+        return f"{of}: strength by frequency over time"
+    lines = "; ".join(
+        f"{trace.label} {span}" for trace in picture.traces if (span := _span(trace, picture))
+    )
+    over = "over time" if isinstance(picture, Lines) else f"over {picture.x_text}"
+    return f"{title} {over}: {lines}"
+
+
+def _span(trace: Trace, picture: Lines | Curves) -> str:
+    known = trace.values[np.isfinite(trace.values)]
+    if not len(known):
+        return ""
+    low, high = (f"{float(end):.{picture.digits}f}" for end in (known.min(), known.max()))
+    return f"{low} to {high} {picture.unit}".strip()
 
 
 def _title(document: dict[str, Any]) -> str:
@@ -164,9 +227,9 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _no_estimate(document: dict[str, Any]) -> str:
+def _no_estimate(document: dict[str, Any], *, is_ours_shown: bool) -> str:
     if not document["why_no_estimate"]:
-        return ""
+        return "" if is_ours_shown else f'<p class="lack">{_USELESS}</p>'
     return (
         f'<p class="lack">No attitude of our own: {escape(document["why_no_estimate"])}</p>'
         "<p>So the autopilot's attitude could not be judged. What the recording shows of itself "
@@ -174,20 +237,22 @@ def _no_estimate(document: dict[str, Any]) -> str:
     )
 
 
-def _findings(document: dict[str, Any]) -> str:
+def _findings(document: dict[str, Any], *, is_ours_shown: bool) -> str:
     found = [one for one in document["findings"] if not _is_own(one)]
     look = "verdict long" if len(document["verdict"]) > LONG_VERDICT else "verdict"
     return (
         f'<section id="findings"><p class="{look}">{_verdict(document["verdict"])}</p>'
-        f"{_no_estimate(document)}{cards(found)}"
+        f"{_no_estimate(document, is_ours_shown=is_ours_shown)}{cards(found)}"
         f"{_looked_at(document, is_open=not any(map(is_wrong, found)))}</section>"
     )
 
 
 def _verdict(text: str) -> str:
-    """The verdict with its first sentence marked."""
-    first, rest = first_sentence(text)
-    return f"<b>{escape(first)}</b> {escape(rest)}"
+    """The verdict with its first sentence marked, and what was not looked at apart."""
+    said, blind, lacking = text.partition(" Not looked at: ")
+    first, rest = first_sentence(said)
+    lacks = f'<span class="blind"><b>Not looked at:</b> {escape(lacking)}</span>' if blind else ""
+    return f"<b>{escape(first)}</b> {escape(rest)}{lacks}"
 
 
 def _is_own(finding: dict[str, Any]) -> bool:

@@ -3,7 +3,17 @@
 "use strict";
 const review = JSON.parse(document.getElementById("review").textContent);
 const END = review.duration_s;
-const TEXT = "#1a1a1a", SOFT = "#595959", GRID = "#e4e4e4";
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+let isPrinted = false; // paper is light
+const isDark = () => scheme.matches && !isPrinted;
+const painted = (colour) => isDark() ? review.dark[colour] ?? colour : colour;
+const ink = {}; // the page's own colours, by the name of the variable
+function inked() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ["text", "soft", "grid", "found", "shade", "paper"])
+    ink[name] = style.getPropertyValue(`--${name}`).trim();
+}
+const DASHES = {dashed: [6, 4], dotted: [2, 3]};
 const shown = {from: 0, to: END};
 let selected = null; // span of the finding that was clicked
 const timed = [], all = [];
@@ -84,7 +94,7 @@ function eachMode(plot, draw) {
 
 function backdrop(plot) {
   eachMode(plot, (ctx, box, _, {left, right, colour}) => {
-    ctx.fillStyle = colour;
+    ctx.fillStyle = painted(colour);
     ctx.fillRect(left, box.top, right - left, box.height);
   });
 }
@@ -93,7 +103,7 @@ function modeNames(plot) {
   eachMode(plot, (ctx, box, ratio, {left, right, name}) => {
     ctx.font = `${11 * ratio}px sans-serif`;
     ctx.textBaseline = "top";
-    ctx.fillStyle = SOFT;
+    ctx.fillStyle = ink.soft;
     written(ctx, name, left, right, box.top + 2 * ratio, ratio);
   });
 }
@@ -102,9 +112,9 @@ function chosen(plot) {
   if (!selected) return;
   inside(plot, (ctx, box, ratio, x) => {
     const left = x(selected[0]), width = Math.max(x(selected[1]) - left, 2 * ratio);
-    ctx.fillStyle = "rgba(176, 58, 0, 0.08)";
+    ctx.fillStyle = ink.shade;
     ctx.fillRect(left, box.top, width, box.height);
-    ctx.strokeStyle = "rgba(176, 58, 0, 0.7)";
+    ctx.strokeStyle = ink.found;
     ctx.setLineDash([]);
     ctx.lineWidth = ratio;
     ctx.strokeRect(left, box.top - ratio, width, box.height + 2 * ratio);
@@ -120,7 +130,7 @@ function moments(isNamed) {
     for (const [t, text, colour] of review.marks) {
       const at = x(t);
       if (at < box.left - 1 || at > box.left + box.width + 1) continue;
-      ctx.strokeStyle = ctx.fillStyle = colour;
+      ctx.strokeStyle = ctx.fillStyle = painted(colour);
       ctx.setLineDash(colour === review.impact ? [] : [2 * ratio, 3 * ratio]);
       ctx.lineWidth = (colour === review.impact ? 2 : 1) * ratio;
       ctx.beginPath();
@@ -139,7 +149,7 @@ function moments(isNamed) {
 
 function marked(marks, scale) {
   return (plot) => inside(plot, (ctx, box, ratio) => {
-    ctx.strokeStyle = ctx.fillStyle = TEXT;
+    ctx.strokeStyle = ctx.fillStyle = ink.text;
     ctx.setLineDash([5 * ratio, 4 * ratio]);
     ctx.lineWidth = ratio;
     ctx.font = `${11 * ratio}px sans-serif`;
@@ -168,7 +178,8 @@ function marked(marks, scale) {
 
 // --- kinds of pictures --------------------------------------------------------------------------
 function axes(x_text, y_text, digits, more = {}, hasTime = true) {
-  const plain = {stroke: TEXT, grid: {stroke: GRID, width: 1}, ticks: {stroke: GRID, width: 1},
+  const text = () => ink.text, line = {stroke: () => ink.grid, width: 1};
+  const plain = {stroke: text, grid: line, ticks: line,
     font: "12px sans-serif", labelFont: "12px sans-serif"};
   return [
     {...plain, size: hasTime ? 32 : 6, space: isNarrow() ? 60 : 80,
@@ -198,8 +209,8 @@ function series(traces, unit, digits, sparse, told = (value) => value) {
   for (const trace of traces) {
     const at = made.length + 1;
     made.push({
-      label: trace.label, stroke: trace.colour, width: trace.dashed ? 1.6 : 1.3, auto: trace.sets_range,
-      dash: trace.dashed ? [6, 4] : undefined, points: {show: sparse, size: 5},
+      label: trace.label, stroke: () => painted(trace.colour), width: trace.dash ? 1.6 : 1.3, auto: trace.sets_range,
+      dash: DASHES[trace.dash], tag: trace.tag, points: {show: sparse, size: 5},
       value: (_, value, __, at) => at === null || at === undefined ? "" :
         value === null || value === undefined ? "–" : `${told(value).toFixed(digits)} ${unit}`,
     });
@@ -210,7 +221,7 @@ function series(traces, unit, digits, sparse, told = (value) => value) {
         points: {show: false}, of: at});
       data.push(decoded(edge));
     }
-    bands.push({series: [at + 1, at + 2], fill: `${trace.colour}26`});
+    bands.push({series: [at + 1, at + 2], fill: () => `${painted(trace.colour)}${isDark() ? "40" : "26"}`});
   }
   return {made, data, bands};
 }
@@ -228,12 +239,51 @@ function pointed(plot) {
   plot.root.classList.toggle("pointed", plot.cursor.idx !== null && plot.cursor.left >= 0);
 }
 
+// A line's name in its colour and dash.
+const legend = {live: true, markers: {
+  width: 3, dash: (plot, k) => plot.series[k].dash ? (plot.series[k].dash[0] < 4 ? "dotted" : "dashed") : "solid",
+  fill: () => "transparent",
+}};
+
+// The tags of lines, where these are furthest apart.
+function tagged(plot) {
+  const tags = plot.series.map((one, k) => [one, k]).filter(([one]) => one.tag && one.show);
+  if (!tags.length) return;
+  inside(plot, (ctx, box, ratio, x) => {
+    const [from, to] = plot.series[0].idxs;
+    let best = null, widest = -1;
+    for (let part = 1; part < 40; part++) {
+      const at = Math.round(from + (to - from) * part / 40);
+      const places = tags.filter(([, k]) => plot.data[k][at] != null)
+        .map(([one, k]) => [plot.valToPos(plot.data[k][at], "y", true), one]).sort((a, b) => a[0] - b[0]);
+      const gap = Math.min(14 * ratio, ...places.slice(1).map((place, k) => place[0] - places[k][0]));
+      const room = places.length + gap / (14 * ratio);
+      if (places.length && room > widest) [best, widest] = [{at, places}, room];
+    }
+    if (!best) return;
+    ctx.font = `bold ${11 * ratio}px sans-serif`;
+    ctx.textBaseline = "middle";
+    ctx.textAlign = "center";
+    ctx.lineWidth = 4 * ratio;
+    ctx.setLineDash([]);
+    ctx.strokeStyle = ink.paper;
+    let free = box.top + 7 * ratio;
+    for (const [y, one] of best.places) {
+      const middle = Math.max(y, free), left = x(plot.data[0][best.at]);
+      free = middle + 11 * ratio;
+      ctx.strokeText(one.tag, left, middle);
+      ctx.fillStyle = one.stroke(plot);
+      ctx.fillText(one.tag, left, middle);
+    }
+  });
+}
+
 const clock = {label: "time", class: "clock", value: (_, t) => t === null || t === undefined ? "" : `${t.toFixed(1)} s`};
 
 function onTime(options, height, window) {
   const from = window ? window[0] : shown.from, to = window ? window[1] : shown.to;
   return {
-    height, legend: {live: true}, ...options,
+    height, legend, ...options,
     scales: {x: {time: false, range: (_, min, max) => [min, max], min: from, max: to}, ...options.scales},
     cursor: {
       sync: {key: "time", scales: ["x", null], filters: {pub: (type) => type === "mousemove" || type === "mouseleave"}},
@@ -242,7 +292,7 @@ function onTime(options, height, window) {
     },
     hooks: {
       ...options.hooks, setScale: window ? [] : [followed], drawClear: [backdrop], setLegend: [pointed],
-      draw: [...(options.hasModes === false ? [] : [modeNames]), chosen, moments(options.isNamed), ...(options.hooks?.draw ?? [])],
+      draw: [...(options.hasModes === false ? [] : [modeNames]), chosen, moments(options.isNamed), tagged, ...(options.hooks?.draw ?? [])],
     },
   };
 }
@@ -256,7 +306,7 @@ function lines(picture, lane) {
   return [onTime({
     series: [clock, ...made], bands,
     axes: axes("s", side, picture.digits, picture.goes_round
-      ? {values: (_, ticks) => ticks.map((tick) => `${+around(tick).toPrecision(6)}`), incrs: [0.1, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]} : {},
+      ? {values: (_, ticks) => ticks.map((tick) => `${+around(tick).toPrecision(6)}`), incrs: [0.1, 0.5, 1, 2, 5, 10, 15, 30, 45, 90, 180]} : {},
       !lane || lane.isLast),
     scales: {y: {range: reach(picture)}}, isNamed: lane?.isFirst, hasModes: !lane || lane.isFirst,
     hooks: {draw: [marked(picture.limits, "y")], setSeries: [edges]},
@@ -269,7 +319,7 @@ function curves(picture) {
   const scale = picture.is_logarithmic ? {distr: 3}
     : {range: reach({limits: [], digits: picture.digits, at_least: null})};
   return [{
-    height: isNarrow() ? 220 : 260, bands, legend: {live: true},
+    height: isNarrow() ? 220 : 260, bands, legend,
     series: [{label: picture.x_text, class: "clock", value: (_, v) => v === null || v === undefined ? "" : `${+v.toFixed(1)}`}, ...made],
     axes: axes("", picture.unit, picture.digits,
       picture.is_logarithmic ? {values: (_, t) => t.map((v) => v === null ? "" : `${+v.toPrecision(2)}`)} : {}),
@@ -278,28 +328,35 @@ function curves(picture) {
   }, [x, ...data]];
 }
 
-// From white over blue to black: darker is more, in print as well.
+// Nothing is as the page: from white over blue to black, in print as well; on a dark page to white.
 const SHADES = [[255, 255, 255], [158, 202, 225], [49, 130, 189], [8, 48, 107], [10, 10, 10]];
-function shade(level) {
-  const place = level / 255 * (SHADES.length - 1), from = Math.min(Math.floor(place), SHADES.length - 2);
-  return SHADES[from].map((part, k) => part + (place - from) * (SHADES[from + 1][k] - part));
+const DARK_SHADES = [[20, 23, 28], [8, 48, 107], [49, 130, 189], [158, 202, 225], [255, 255, 255]];
+function between(stops, share) {
+  const place = share * (stops.length - 1), from = Math.min(Math.floor(place), stops.length - 2);
+  return stops[from].map((part, k) => part + (place - from) * (stops[from + 1][k] - part));
 }
 
 function heat(picture) {
   const t = floats(picture.t_s), levels = bytes(picture.levels), rows = picture.rows;
-  const image = new ImageData(t.length, rows);
-  const colours = Array.from({length: 256}, (_, level) => shade(level));
-  for (let column = 0; column < t.length; column++)
-    for (let row = 0; row < rows; row++)
-      image.data.set([...colours[levels[column * rows + row]], 255], 4 * ((rows - 1 - row) * t.length + column));
   const canvas = document.createElement("canvas");
   canvas.width = t.length;
   canvas.height = rows;
-  canvas.getContext("2d").putImageData(image, 0, 0);
+  let isDarkNow;
+  const shaded = () => {
+    if (isDarkNow === isDark()) return;
+    isDarkNow = isDark();
+    const image = new ImageData(t.length, rows);
+    const colours = Array.from({length: 256}, (_, level) => between(isDarkNow ? DARK_SHADES : SHADES, level / 255));
+    for (let column = 0; column < t.length; column++)
+      for (let row = 0; row < rows; row++)
+        image.data.set([...colours[levels[column * rows + row]], 255], 4 * ((rows - 1 - row) * t.length + column));
+    canvas.getContext("2d").putImageData(image, 0, 0);
+  };
   const steps = Array.from(t.slice(1), (v, k) => v - t[k]).sort((a, b) => a - b);
   const usual = steps.length ? steps[steps.length >> 1] : END;
   const half = (k) => (k < t.length - 1 ? Math.min(t[k + 1] - t[k], 2 * usual) : usual) / 2;
   const draw = (plot) => inside(plot, (ctx, box, ratio, x) => {
+    shaded();
     ctx.imageSmoothingEnabled = false;
     for (let k = 0; k < t.length; k++) {
       const left = Math.floor(x(t[k] - half(k - 1 < 0 ? k : k - 1))), right = Math.ceil(x(t[k] + half(k)));
@@ -317,7 +374,7 @@ function heat(picture) {
   };
   const grid = times(2000);
   const options = onTime({
-    series: [clock, {label: "strongest", stroke: "#08306b", value: strongest}],
+    series: [clock, {label: "strongest", stroke: () => painted("#0072b2"), value: strongest}],
     axes: axes("s", "Hz", 0), scales: {y: {range: () => [0, picture.to_hz]}},
   }, isNarrow() ? 190 : 220);
   options.hooks.drawClear = [];
@@ -332,14 +389,14 @@ function rows(picture, lane) {
       const top = box.top + k * step * ratio, right = box.left + box.width;
       ctx.font = `${11 * ratio}px sans-serif`;
       ctx.textBaseline = "middle";
-      ctx.fillStyle = SOFT;
+      ctx.fillStyle = ink.soft;
       ctx.fillText(label, box.left + 3 * ratio, top + 8 * ratio);
       spans.forEach(([from, to, name], n) => {
         const left = Math.max(x(from), box.left), end = Math.min(x(to), right);
         if (x(to) < box.left || left > right) return;
-        ctx.fillStyle = colours[n];
+        ctx.fillStyle = painted(colours[n]);
         ctx.fillRect(left, top + 16 * ratio, Math.max(end - left, 2 * ratio), bar * ratio);
-        ctx.fillStyle = TEXT;
+        ctx.fillStyle = ink.text;
         // A short bar's name may extend to the next bar, and at the end to the left.
         const next = Math.min(n + 1 < spans.length ? Math.max(x(spans[n + 1][0]), end) : right, right);
         const width = ctx.measureText(name).width + 6 * ratio, middle = top + (16 + bar / 2) * ratio;
@@ -362,7 +419,7 @@ function rows(picture, lane) {
     else labelled.at(-1)[1].push(...spans);
   const grid = times(2000, picture.window ?? undefined), nothing = new Array(grid.length).fill(null);
   const options = onTime({
-    series: [clock, ...labelled.map(([label, spans]) => ({label, stroke: "#888", value: named(spans)}))],
+    series: [clock, ...labelled.map(([label, spans]) => ({label, stroke: () => ink.soft, value: named(spans)}))],
     axes: axes("s", "", 0, {values: (_, ticks) => ticks.map(() => ""), grid: {show: false}, ticks: {show: false}}),
     scales: {y: {range: () => [0, 1]}},
   }, step * count + 34 + 8, picture.window);
@@ -438,6 +495,11 @@ function made(place) {
     touchable(plot.over);
   }
   all.push({place, plot});
+  for (const name of plot.root.querySelectorAll(".u-series:not(.clock) th")) {
+    name.tabIndex = 0;
+    name.setAttribute("role", "button");
+    name.setAttribute("aria-pressed", "true");
+  }
   place.classList.add("drawn", picture.kind);
   // On narrow screens lanes of the same lines show their names once.
   const names = (one) => one?.traces?.map((trace) => trace.label).join();
@@ -490,14 +552,45 @@ document.addEventListener("click", (event) => {
 for (const more of document.querySelectorAll("details"))
   more.addEventListener("toggle", () => { if (more.open) drawn(more.querySelectorAll("[data-picture]")); });
 
-// The ground track in the colours of time or of the flight modes.
-for (const choice of document.querySelectorAll("[data-colours]"))
-  choice.addEventListener("change", () => {
-    const isMode = choice.value === "mode";
-    for (const part of document.querySelectorAll("[data-mode]"))
-      part.style.stroke = isMode ? part.dataset.mode : "";
-    for (const key of document.querySelectorAll("[data-key]")) key.hidden = key.dataset.key !== choice.value;
-  });
+// A name in a legend hides its line, by pointer and by keyboard.
+document.addEventListener("click", (event) => {
+  const name = event.target.closest(".u-legend th[role=button]");
+  if (name) name.setAttribute("aria-pressed", String(!name.parentElement.classList.contains("u-off")));
+});
+document.addEventListener("keydown", (event) => {
+  const name = event.target.closest?.(".u-legend th[role=button]");
+  if (!name || (event.key !== "Enter" && event.key !== " ")) return;
+  event.preventDefault();
+  name.click();
+});
+
+// The track in the colours of time or of the flight modes.
+const stops = (colours) => colours.map((colour) => [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16)));
+const choices = [...document.querySelectorAll("[data-colours]")];
+function track() {
+  const isMode = choices.find((one) => one.checked)?.value === "mode";
+  const ramp = review.early_to_late[Number(isDark())], parts = stops(ramp);
+  for (const part of document.querySelectorAll("[data-track]"))
+    part.style.stroke = isMode && part.dataset.mode ? painted(part.dataset.mode) : `rgb(${between(parts, Number(part.dataset.share))})`;
+  for (const key of document.querySelectorAll("[data-key]")) key.hidden = key.dataset.key !== (isMode ? "mode" : "time");
+  for (const key of document.querySelectorAll(".key")) key.style.borderColor = painted(key.dataset.colour);
+  for (const scale of document.querySelectorAll(".scale")) scale.style.background = `linear-gradient(to right, ${ramp})`;
+}
+for (const choice of choices) choice.addEventListener("change", track);
+
+// Another scheme: everything is drawn again in its colours.
+function recoloured() {
+  inked();
+  track();
+  for (const {plot} of all) {
+    plot.redraw(false);
+    plot.root.querySelectorAll(".u-series").forEach((row, k) => {
+      const marker = row.querySelector(".u-marker"), one = plot.series[k];
+      if (marker && one.stroke && !one.of) marker.style.borderColor = one.stroke(plot, k);
+    });
+  }
+}
+scheme.addEventListener("change", recoloured);
 
 // Rows that contain every word of a search.
 for (const input of document.querySelectorAll("[data-search]"))
@@ -512,12 +605,18 @@ for (const input of document.querySelectorAll("[data-search]"))
 // Paper is narrower than most windows; no resize observer runs between this event and the print.
 const PAPER = 680;
 window.addEventListener("beforeprint", () => {
+  isPrinted = true;
+  recoloured();
   for (const {plot} of all) plot.setSize({width: PAPER, height: plot.height});
 });
 window.addEventListener("afterprint", () => {
+  isPrinted = false;
+  recoloured();
   for (const {place, plot} of all) plot.setSize({width: place.clientWidth, height: plot.height});
 });
 
+inked();
+track();
 tell();
 const first = [...document.querySelectorAll("[data-picture]")].filter((place) => !place.closest("details"));
 drawn(first).then(() => { document.documentElement.dataset.drawn = Math.round(performance.now()); });

@@ -4,21 +4,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from h2nav.integrity.findings import Finding, Kind
 from h2nav.integrity.witness import BEYOND
 from h2nav.maths.units import DEG
-from h2nav.recordings.context import Array
+from h2nav.recordings.context import Array, Span
 from h2nav.reviews.angles import euler
 from h2nav.reviews.certainty import GROUPS, ratio_of
 from h2nav.reviews.comparison import Difference, differences
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
-from h2nav.reviews.pictures.picture import Lines, PictureMark, Section, Trace
+from h2nav.reviews.pictures.picture import Dash, Lines, PictureMark, Section, Trace
 from h2nav.reviews.pictures.timeline import own_rows
 from h2nav.reviews.pictures.vehicle import demand
+from h2nav.reviews.standstill import LARGE_RAD_S
 
 MOST_ESTIMATORS = 4
 FULL_TURN_DEG = 360.0
+# So large a share of it is all of it.
+MOSTLY = 0.9
 SECTORS = 72
 _PARTS = ("roll", "pitch", "heading")
 _ABOUT = {
@@ -36,6 +40,46 @@ class _Voice(NamedTuple):
     t_s: Array
     q_nb: Array
     band: Estimates | None = None
+
+
+def without_useless(flight: Flight, findings: tuple[Finding, ...]) -> Flight:
+    """The flight without our attitude while it came from a gyro that turned at rest.
+
+    On a bench such an attitude spins for as long as the recording lasts.
+    """
+    if flight.estimates is None:
+        return flight
+    lost = np.zeros(len(flight.estimates.t_s), np.bool_)
+    # A single IMU has no lanes to choose from.
+    only = (Span(0.0, flight.context.duration_s, f"IMU {i.imu + 1}") for i in flight.context.imus)
+    lanes = flight.lanes or tuple(only)
+    for one in findings:
+        if one.kind is not Kind.GYRO_BIAS or one.size * DEG < LARGE_RAD_S:
+            continue
+        names = {f"IMU {number}" for number in one.sensor.numbers}
+        for lane in lanes:
+            from_s, to_s = max(lane.from_s, one.from_s), min(lane.to_s, one.to_s)
+            if lane.name in names:
+                lost |= (flight.estimates.t_s >= from_s) & (flight.estimates.t_s <= to_s)
+    if not lost.any():
+        return flight
+    # What is left at its ends was aligning, or is the last value held.
+    if lost.mean() > MOSTLY:
+        none = flight.ratios._replace(t_s=np.zeros(0), values=flight.ratios.values[:0])
+        return flight._replace(
+            estimates=None, smoothed=None, ratios=none, states=(), lanes=(), held=()
+        )
+    span_s = flight.estimates.t_s[lost][[0, -1]]
+    return flight._replace(
+        estimates=_without(flight.estimates, span_s), smoothed=_without(flight.smoothed, span_s)
+    )
+
+
+def _without(ours: Estimates | None, span_s: Array) -> Estimates | None:
+    if ours is None:
+        return None
+    lost = (ours.t_s >= span_s[0]) & (ours.t_s <= span_s[1])
+    return ours._replace(q_nb=np.where(lost[:, None], np.nan, ours.q_nb))
 
 
 def attitude(flight: Flight) -> Section:
@@ -116,7 +160,8 @@ def _add(traces: dict[str, list[Trace]], columns: Columns, voice: _Voice, cut: f
             values = columns.of(voice.t_s, shown / DEG, FULL_TURN_DEG)
         else:
             values = columns.of(voice.t_s, angle / DEG)
-        trace = Trace(voice.name, voice.colour, values, is_dashed=voice.colour == colours.TRUTH)
+        dash = Dash.DASHED if voice.colour == colours.TRUTH else Dash.NONE
+        trace = Trace(voice.name, voice.colour, values, dash=dash)
         band = voice.band
         if band is not None:
             sigma = band.sigma_heading_rad if part == "heading" else band.sigma_tilt_rad
@@ -169,7 +214,8 @@ def _traces(columns: Columns, found: tuple[Difference, ...], part: str) -> list[
         values = one.tilt_rad if part == "tilt" else one.heading_rad
         colour = colours.TRUTH if one.is_truth else colours.of(colours.AUTOPILOT, number)
         points = columns.of(one.t_s, values / DEG, None if part == "tilt" else FULL_TURN_DEG)
-        traces.append(Trace(one.name, colour, points, is_dashed=one.is_truth))
+        dash = Dash.DASHED if one.is_truth else Dash.NONE
+        traces.append(Trace(one.name, colour, points, dash=dash))
     return traces
 
 
@@ -178,7 +224,7 @@ def _limit(columns: Columns, found: Difference, part: str, sign: float = 1.0) ->
     points = sign * BEYOND * _bounded(limit / BEYOND) / DEG
     label = "three deviations" if sign > 0.0 else "three deviations, below"
     drawn = columns.of(found.t_s, points)
-    return Trace(label, "#555555", drawn, is_dashed=True, sets_range=False)
+    return Trace(label, colours.LIMIT, drawn, dash=Dash.DASHED, sets_range=False)
 
 
 def certainty(flight: Flight) -> Section:
@@ -186,15 +232,15 @@ def certainty(flight: Flight) -> Section:
     pictures: list[Lines] = []
     columns = Columns(flight.context.duration_s, COARSE)
     deviations = [
-        Trace(f"{name}: {part}", colour, columns.of(ours.t_s, sigma / DEG), is_dashed=is_heading)
+        Trace(f"{name}: {part}", colour, columns.of(ours.t_s, sigma / DEG), dash=dash)
         for name, colour, ours in (
             ("h2nav", colours.OURS, flight.estimates),
             ("smoothed", colours.SMOOTHED, flight.smoothed),
         )
         if ours is not None
-        for part, sigma, is_heading in (
-            ("tilt", ours.sigma_tilt_rad, False),
-            ("heading", ours.sigma_heading_rad, True),
+        for part, sigma, dash in (
+            ("tilt", ours.sigma_tilt_rad, Dash.NONE),
+            ("heading", ours.sigma_heading_rad, Dash.DASHED),
         )
         if np.isfinite(sigma).any()
     ]
@@ -218,7 +264,7 @@ def certainty(flight: Flight) -> Section:
 def innovations(flight: Flight) -> Section:
     """Test ratios with their gate."""
     columns = Columns(flight.context.duration_s, COARSE)
-    palette = dict(zip(GROUPS, ("#332288", "#ddaa33", "#aa4499", "#44aa99"), strict=True))
+    palette = dict(zip(GROUPS, colours.NUMBERED, strict=True))
     traces = []
     for group, name in GROUPS.items():
         values = ratio_of(flight.ratios, group)

@@ -7,7 +7,7 @@ from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, Columns
-from h2nav.reviews.pictures.picture import Curves, Lines, Picture, Section, Trace
+from h2nav.reviews.pictures.picture import Curves, Dash, Lines, Picture, Section, Trace
 
 _MODEL = "The dashed black line is the earth's field at this place (World Magnetic Model)."
 
@@ -17,14 +17,14 @@ def compass(flight: Flight, analysis: Analysis) -> Section:
     columns = Columns(flight.context.duration_s, COARSE)
     norms, dips, headings = [], [], []
     for one in analysis.fields:
-        label, colour = f"compass {one.compass + 1}", colours.of(colours.SENSORS, one.compass)
+        label, colour = f"compass {one.compass + 1}", colours.of(colours.NUMBERED, one.compass)
         norms.append(Trace(label, colour, columns.of(one.t_s, one.norm_ut)))
         dips.append(Trace(label, colour, columns.of(one.t_s, one.dip_rad / DEG)))
         headings.append(Trace(label, colour, columns.of(one.t_s, one.heading_rad / DEG, 360.0)))
     for one in analysis.fields[:1]:
         for traces, values in ((norms, one.model_norm_ut), (dips, one.model_dip_rad / DEG)):
             points = columns.of(one.t_s, values)
-            traces.append(Trace("earth's field", colours.MODEL, points, is_dashed=True))
+            traces.append(Trace("earth's field", colours.MODEL, points, dash=Dash.DASHED))
     pictures: list[Picture] = [
         Lines(title, about, unit, tuple(traces))
         for title, about, unit, traces in (
@@ -55,11 +55,11 @@ def _by_heading(analysis: Analysis) -> list[Curves]:
     fits = [fit for fit in analysis.compasses if np.isfinite(fit.residual_ut).any()]
     traces = []
     for fit in fits:
-        name, colour = f"compass {fit.compass + 1}", colours.of(colours.SENSORS, fit.compass)
+        name, colour = f"compass {fit.compass + 1}", colours.of(colours.NUMBERED, fit.compass)
         traces.append(Trace(name, colour, fit.residual_ut.astype(np.float32)))
         if np.isfinite(fit.fitted_ut).any():
             fitted = fit.fitted_ut.astype(np.float32)
-            traces.append(Trace(f"{name}, calibrated anew", colour, fitted, is_dashed=True))
+            traces.append(Trace(f"{name}, calibrated anew", colour, fitted, dash=Dash.DASHED))
     about = (
         "What is left between the measured field and the earth's, by where the nose pointed. "
         "A well calibrated compass has a few µT everywhere."
@@ -81,7 +81,7 @@ def _by_throttle(analysis: Analysis) -> list[Curves]:
             (
                 Trace(
                     "change of the field",
-                    colours.of(colours.SENSORS, fit.compass),
+                    colours.of(colours.NUMBERED, fit.compass),
                     fit.motor_ut.astype(np.float32),
                 ),
             ),

@@ -1,9 +1,10 @@
 """The end of a flight in one picture: some 20 s of attitude, demand, motors and height."""
 
-from h2nav.integrity.findings import Finding
+from h2nav.integrity.findings import Finding, Severity
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.pictures.attitude import attitude_lines
 from h2nav.reviews.pictures.columns import Columns
+from h2nav.reviews.pictures.control import stick_lines
 from h2nav.reviews.pictures.picture import Lines, PictureRow, PictureRows, Section, Stack
 from h2nav.reviews.pictures.timeline import MOMENTS, vehicle_rows
 from h2nav.reviews.pictures.vehicle import height_lines, motor_lines, voltage_lines
@@ -31,7 +32,7 @@ def _events(findings: tuple[Finding, ...]) -> list[list[Finding]]:
     """Groups findings of moments into events, in order of time."""
     groups: list[list[Finding]] = []
     for one in sorted(findings, key=lambda finding: finding.from_s):
-        if one.kind not in MOMENTS:
+        if one.kind not in MOMENTS or one.severity > Severity.WARNING:
             continue
         if groups and one.from_s - groups[-1][0].from_s <= SAME_EVENT_S:
             groups[-1].append(one)
@@ -51,6 +52,7 @@ def _stack(flight: Flight, group: list[Finding]) -> Stack:
         picture._replace(window_s=window_s)
         for picture in (
             *attitude_lines(flight, columns, window_s),
+            stick_lines(context, columns),
             motor_lines(context, columns)._replace(title="Motors"),
             height_lines(context, columns),
             voltage_lines(context, columns)._replace(title="Battery"),

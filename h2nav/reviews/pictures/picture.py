@@ -1,6 +1,7 @@
 """Pictures as records, and their form for the page's script."""
 
 import base64
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,14 @@ from h2nav.recordings.context import Array, Span
 Points = NDArray[np.float32]
 
 
+class Dash(StrEnum):
+    """How a line is drawn."""
+
+    NONE = ""
+    DASHED = "dashed"
+    DOTTED = "dotted"
+
+
 class Trace(NamedTuple):
     """One line."""
 
@@ -19,9 +28,10 @@ class Trace(NamedTuple):
     values: Points  # (N,) in the picture's unit; NaN where there is none
     low: Points | None = None  # (N,) lower edge of a band around it; None without
     high: Points | None = None  # (N,) upper edge of it
-    is_dashed: bool = False  # how it is drawn
+    dash: Dash = Dash.NONE  # how it is drawn
     # the axis has room for all of it; not for limits, which may be anywhere
     sets_range: bool = True
+    tag: str = ""  # written at its end, such as the number of a motor
 
 
 class PictureMark(NamedTuple):
@@ -106,6 +116,7 @@ class Section(NamedTuple):
     title: str
     pictures: tuple[Shown, ...]  # the first ones
     html: str = ""  # below them, with everything escaped
+    lead: str = ""  # likewise, above them
     further: tuple[Shown, ...] = ()  # pictures shown on demand
     further_title: str = "the other sensors"  # their title
 
@@ -153,7 +164,8 @@ def _trace(trace: Trace) -> dict[str, object]:
     return {
         "label": trace.label,
         "colour": trace.colour,
-        "dashed": trace.is_dashed,
+        "dash": trace.dash,
+        "tag": trace.tag,
         "sets_range": trace.sets_range,
         "values": _floats(trace.values),
         "low": _floats(trace.low) if trace.low is not None and has_band else None,

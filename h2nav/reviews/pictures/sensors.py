@@ -21,7 +21,7 @@ def bias(flight: Flight, analysis: Analysis) -> Section:
         traces = tuple(
             Trace(axis, colour, columns.of(one.t_s, one.gyro_b[:, k] / DEG))
             for k, (axis, colour) in enumerate(
-                zip(("roll axis", "pitch axis", "yaw axis"), colours.AXES, strict=True)
+                zip(("roll axis", "pitch axis", "yaw axis"), colours.NUMBERED[:3], strict=True)
             )
         )
         pictures.append(
@@ -47,7 +47,7 @@ def _force(columns: Columns, imu: int, t_s: np.ndarray, norm: np.ndarray) -> Lin
         f"Accelerometer at rest, IMU {imu + 1}",
         "The force that it measures while the vehicle stands still; gravity is 9.8 m/s².",
         "m/s²",
-        (Trace("norm of the force", colours.of(colours.SENSORS, imu), columns.of(t_s, norm)),),
+        (Trace("norm of the force", colours.of(colours.NUMBERED, imu), columns.of(t_s, norm)),),
         (PictureMark(9.80665, "gravity"),),
         digits=3,
     )
@@ -61,7 +61,7 @@ def vibration(flight: Flight, analysis: Analysis) -> Section:
         traces = tuple(
             Trace(
                 f"IMU {one.imu + 1}",
-                colours.of(colours.SENSORS, one.imu),
+                colours.of(colours.NUMBERED, one.imu),
                 columns.of(one.t_s, one.level.max(axis=1, initial=0.0)),
             )
             for one in analysis.vibrations
@@ -80,7 +80,7 @@ def vibration(flight: Flight, analysis: Analysis) -> Section:
     throttle = flight.context.throttle
     if throttle is not None and len(throttle.t_s):
         points = columns.of(throttle.t_s, 100.0 * throttle.values)
-        trace = Trace("throttle", "#555555", points)
+        trace = Trace("throttle", colours.LIMIT, points)
         pictures.append(Lines("Throttle", "", "%", (trace,), digits=0))
     return Section("vibration", "Vibration", tuple(pictures))
 
@@ -90,7 +90,7 @@ def timing(flight: Flight, analysis: Analysis) -> Section:
     columns = Columns(flight.context.duration_s, COARSE)
     rates, gaps, late = [], [], []
     for one in analysis.timings:
-        label, colour = f"IMU {one.imu + 1}", colours.of(colours.SENSORS, one.imu)
+        label, colour = f"IMU {one.imu + 1}", colours.of(colours.NUMBERED, one.imu)
         rates.append(Trace(label, colour, columns.of(one.t_s, one.rate_hz)))
         gaps.append(Trace(label, colour, columns.of(one.t_s, one.longest_s / MS)))
         if np.isfinite(one.lateness_s).any():
@@ -119,7 +119,7 @@ def receivers(flight: Flight, analysis: Analysis) -> Section:
     satellites: list[Trace] = []
     accuracy: list[Trace] = []
     for one in analysis.receivers:
-        label, colour = f"GPS {one.receiver + 1}", colours.of(colours.SENSORS, one.receiver)
+        label, colour = f"GPS {one.receiver + 1}", colours.of(colours.NUMBERED, one.receiver)
         norm = np.linalg.norm(one.difference_n, axis=1)
         for traces, values in ((apart, norm), (satellites, one.satellites)):
             if np.isfinite(values).any():

@@ -64,7 +64,7 @@ def _mean(spectrum: Spectrum) -> Curves:
     traces = tuple(
         Trace(axis, colour, np.maximum(spectrum.density[:, k], 1e-9).astype(np.float32))
         for k, (axis, colour) in enumerate(
-            zip(("forward", "right", "down"), colours.AXES, strict=True)
+            zip(("forward", "right", "down"), colours.NUMBERED[:3], strict=True)
         )
     )
     marks = tuple(

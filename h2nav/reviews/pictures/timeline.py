@@ -32,7 +32,9 @@ def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
 def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, str, str]]:
     """Moments marked in every picture over time: time, text, colour."""
     found = [
-        (one.from_s, MOMENTS[one.kind], colours.IMPACT) for one in findings if one.kind in MOMENTS
+        (one.from_s, MOMENTS[one.kind], colours.IMPACT)
+        for one in findings
+        if one.kind in MOMENTS and one.severity <= Severity.WARNING
     ]
     reported = [
         (fault.t_s, fault.text, colours.REPORTED) for fault in flight.context.faults if fault.code

@@ -1,4 +1,4 @@
-"""The ground track as a drawing (SVG) inside the page."""
+"""The map: the ground track in local metres, north up, with its events, as a drawing (SVG)."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -10,8 +10,10 @@ from h2nav.recordings.context import Array, GpsTrack
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import escape
 from h2nav.reviews.pictures import colours
-from h2nav.reviews.pictures.picture import Section
-from h2nav.reviews.pictures.timeline import marks, mode_backdrop
+from h2nav.reviews.pictures.columns import COARSE, Columns
+from h2nav.reviews.pictures.grounds import Contact, contacts
+from h2nav.reviews.pictures.picture import Lines, Section, Trace
+from h2nav.reviews.pictures.timeline import MOMENTS, marks, mode_backdrop
 
 EARTH_RADIUS_M = 6371008.8
 PARTS, MOST_POINTS = 90, 1800
@@ -20,13 +22,11 @@ SIZE, MARGIN, LEAST_HEIGHT = 700.0, 60.0, 260.0
 FAR_SPANS = 4.0
 LEAST_SPAN_M = 20.0
 LEAST_WIND_M_S = 0.3
+LABEL_HEIGHT, LABEL_WIDTH = 16.0, 150.0
 MOST_FINDINGS = 20
 # The receiver must still, or again, have a position within this time.
 MOST_FIX_AGE_S = 5.0
-# Cividis from early to late, distinguishable with any colour vision, also by brightness.
-_EARLY_TO_LATE = np.array(
-    [[0, 34, 78], [65, 77, 107], [124, 123, 120], [188, 175, 111], [235, 205, 60]], float
-)
+CAME_DOWN = (MOMENTS["crash"], MOMENTS["hard_landing"])
 
 
 class _Path(NamedTuple):
@@ -40,23 +40,26 @@ class _Path(NamedTuple):
 
 def track(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     """The first receiver's track, coloured by time, with the wind and the findings."""
-    title = "Ground track"
+    title = "Map"
     receivers = [gps for gps in flight.context.gps if np.count_nonzero(_is_usable(gps)) > 1]
     if not receivers:
         return Section("track", title, ())
     path = _local(receivers[0])
     view = _View(path)
     modes = _modes(flight)
+    met = contacts(flight.context, findings)
     parts = [*_marked(path, view, findings), *_coloured(path, view, modes)]
     parts += [*_moments(flight, findings, path, view), *_ends(path, view)]
-    parts += [_scale(view), _north(), *_wind(flight)]
+    parts += [*_contacts(met, path, view), _scale(view), _north(), *_wind(flight)]
     drawing = (
         f'<svg class="track" viewBox="0 0 {SIZE:.0f} {view.height:.0f}" role="img" '
-        f'aria-label="Ground track">{"".join(parts)}</svg>'
+        f'aria-label="{escape(_described(path, view, met))}">{"".join(parts)}</svg>'
     )
     about = (
-        "From above; the part of the flight that the other pictures show is bright. Thick orange "
-        "below it: findings. A cross is where it came down, a dot what the autopilot reported. "
+        "From above, north up; the part of the flight that the other pictures show is bright. "
+        "Thick orange below it: findings, told under the pointer. Triangles: take-off (upward) and "
+        "landing (downward); a cross: where it came down hard; a diamond: where control or a motor "
+        "was lost; a dot: what the autopilot reported. "
     )
     if view.beyond:
         fixes = "One fix is" if view.beyond == 1 else f"{view.beyond} fixes are"
@@ -83,7 +86,7 @@ def _modes(flight: Flight) -> list[_Mode]:
     spans = mode_backdrop(flight)
     names = list(dict.fromkeys(name for _, _, name, _ in spans))
     return [
-        _Mode(begin, end, name, colours.of(colours.MOTORS, names.index(name)))
+        _Mode(begin, end, name, colours.of(colours.PATHS, names.index(name)))
         for begin, end, name, _ in spans
     ]
 
@@ -99,8 +102,7 @@ def _choice(modes: list[_Mode]) -> str:
     )
     keys = dict.fromkeys((mode.name, mode.colour) for mode in modes)
     named = " ".join(
-        f'<span class="key" style="border-color:{colour}">{escape(name)}</span>'
-        for name, colour in keys
+        f'<span class="key" data-colour="{colour}">{escape(name)}</span>' for name, colour in keys
     )
     return (
         f'<p class="about">Coloured {choices}</p>{_time_key()}'
@@ -109,13 +111,7 @@ def _choice(modes: list[_Mode]) -> str:
 
 
 def _time_key() -> str:
-    stops = ",".join(
-        f"rgb({red:.0f},{green:.0f},{blue:.0f})" for red, green, blue in _EARLY_TO_LATE
-    )
-    return (
-        f'<p class="about" data-key="time">begin <span class="scale" '
-        f'style="background:linear-gradient(to right,{stops})"></span> end</p>'
-    )
+    return '<p class="about" data-key="time">begin <span class="scale"></span> end</p>'
 
 
 def _is_usable(gps: GpsTrack) -> np.ndarray:
@@ -181,10 +177,7 @@ def _coloured(path: _Path, view: _View, modes: list[_Mode]) -> list[str]:
     whole = path.t_s[-1] - path.t_s[0] or 1.0
     parts = []
     for first, last in pairwise(bounds):
-        share = (path.t_s[first] - path.t_s[0]) / whole * (len(_EARLY_TO_LATE) - 1)
-        red, green, blue = (
-            np.interp(share, np.arange(len(_EARLY_TO_LATE)), _EARLY_TO_LATE[:, k]) for k in range(3)
-        )
+        share = (path.t_s[first] - path.t_s[0]) / whole
         from_s, to_s, up = path.t_s[first], path.t_s[last], path.up_m[first]
         mode = next((one for one in reversed(modes) if one.from_s <= from_s), None)
         label = f"{from_s:.0f} to {to_s:.0f} s"
@@ -195,29 +188,40 @@ def _coloured(path: _Path, view: _View, modes: list[_Mode]) -> list[str]:
         by_mode = f' data-mode="{mode.colour}"' if mode is not None else ""
         parts.append(
             f'<polyline data-track data-from="{from_s:.2f}" data-to="{to_s:.2f}"{by_mode} '
-            f'fill="none" stroke="rgb({red:.0f},{green:.0f},{blue:.0f})" stroke-width="3" '
+            f'data-share="{share:.3f}" class="ink" stroke-width="3" '
             f'points="{view.points(path, first, last)}"><title>{escape(label)}</title></polyline>'
         )
     return parts
 
 
 def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _View) -> list[str]:
-    """A cross where it came down or was lost, a dot where the autopilot reported something."""
-    parts = []
+    """A cross where it came down, a diamond where it was lost, a dot at what was reported."""
+    parts: list[str] = []
+    labels: list[tuple[float, float]] = []
     for t_s, text, colour in marks(flight, findings):
-        if not path.t_s[0] - MOST_FIX_AGE_S <= t_s <= path.t_s[-1] + MOST_FIX_AGE_S:
+        if not _is_shown(path, t_s):
             continue
         place = min(int(np.searchsorted(path.t_s, t_s)), len(path.t_s) - 1)
         x, y = (float(part) for part in view.points(path, place, place).split(","))
         label = escape(f"{text} at {t_s:.0f} s")
-        if colour == colours.IMPACT:
-            shape = f'<path d="M{x - 9:.1f} {y - 9:.1f}l18 18m0 -18l-18 18" stroke="{colour}" '
-            shape += f'stroke-width="4" fill="none"><title>{label}</title></path>'
-            shape += f'<text x="{x + 13:.1f}" y="{y + 5:.1f}">{label}</text>'
+        title = f"<title>{label}</title>"
+        if colour != colours.IMPACT:
+            shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" class="reported">{title}</circle>'
+        elif text in CAME_DOWN:
+            cross = f"M{x - 9:.1f} {y - 9:.1f}l18 18m0 -18l-18 18"
+            shape = f'<path d="{cross}" class="ink impact" stroke-width="4">{title}</path>'
         else:
-            shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour}" stroke="#fff">'
-            shape += f"<title>{label}</title></circle>"
+            diamond = f"M{x:.1f} {y - 8:.1f}l8 8l-8 8l-8 -8z"
+            shape = f'<path d="{diamond}" class="lost">{title}</path>'
         parts.append(shape)
+        if colour == colours.IMPACT:
+            below = y + 5.0
+            while any(
+                abs(below - v) < LABEL_HEIGHT and abs(x - u) < LABEL_WIDTH for u, v in labels
+            ):
+                below += LABEL_HEIGHT
+            labels.append((x, below))
+            parts.append(_label(x + 13.0, below, label))
     return parts
 
 
@@ -231,8 +235,8 @@ def _marked(path: _Path, view: _View, findings: tuple[Finding, ...]) -> list[str
         first, last = np.searchsorted(path.t_s, (one.from_s, one.to_s))
         first, last = max(int(first) - 1, 0), min(int(last), len(path.t_s) - 1)
         parts.append(
-            f'<polyline fill="none" stroke="#e08a5e" stroke-width="13" stroke-linecap="round" '
-            f'opacity="0.55" points="{view.points(path, first, last)}">'
+            f'<polyline class="ink found" stroke-width="13" stroke-linecap="round" '
+            f'points="{view.points(path, first, last)}">'
             f"<title>{escape(f'{one.source}: {one.text}')}</title></polyline>"
         )
     return parts
@@ -244,10 +248,49 @@ def _ends(path: _Path, view: _View) -> list[str]:
         x, y = view.points(path, place, place).split(",")
         down = float(y) + (18.0 if name == "end" else -9.0)
         parts.append(
-            f'<circle cx="{x}" cy="{y}" r="6" fill="#fff" stroke="#1a1a1a" stroke-width="2"/>'
-            f'<text x="{float(x) + 9.0:.1f}" y="{down:.1f}">{name}</text>'
+            f'<circle cx="{x}" cy="{y}" r="6" class="place"/>' + _label(float(x) + 9.0, down, name)
         )
     return parts
+
+
+def _contacts(met: tuple[Contact, ...], path: _Path, view: _View) -> list[str]:
+    """A triangle for each take-off and landing; crashes are among the moments."""
+    parts = []
+    for one in met:
+        if one.name == "crash" or not _is_shown(path, one.t_s):
+            continue
+        place = min(int(np.searchsorted(path.t_s, one.t_s)), len(path.t_s) - 1)
+        x, y = (float(part) for part in view.points(path, place, place).split(","))
+        up = -1.0 if one.name == "take-off" else 1.0
+        speed = f", {one.speed_m_s:.1f} m/s downward" if np.isfinite(one.speed_m_s) else ""
+        label = escape(f"{one.name} at {one.t_s:.0f} s{speed}")
+        parts.append(
+            f'<path d="M{x - 8:.1f} {y - 6 * up:.1f}h16l-8 {13 * up:.1f}z" class="{one.name}">'
+            f"<title>{label}</title></path>"
+        )
+    return parts
+
+
+def _described(path: _Path, view: _View, met: tuple[Contact, ...]) -> str:
+    """The map in words."""
+    width, north = np.ptp(path.east_m), np.ptp(path.north_m)
+    text = f"Map of the flight, {width:.0f} m from west to east, {north:.0f} m from south to north"
+    if view.beyond:
+        text += f", {view.beyond} fixes beyond it"
+    told = ", ".join(f"{one.name} at {one.t_s:.0f} s" for one in met if _is_shown(path, one.t_s))
+    return f"{text}; {told}" if told else text
+
+
+def _is_shown(path: _Path, t_s: float) -> bool:
+    """Whether the receiver had a position around then."""
+    return bool(path.t_s[0] - MOST_FIX_AGE_S <= t_s <= path.t_s[-1] + MOST_FIX_AGE_S)
+
+
+def _label(x: float, y: float, text: str) -> str:
+    """A text that stays inside the drawing."""
+    if x > 0.75 * SIZE:
+        return f'<text x="{x - 26.0:.1f}" y="{y:.1f}" text-anchor="end">{text}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}">{text}</text>'
 
 
 def _scale(view: _View) -> str:
@@ -258,16 +301,53 @@ def _scale(view: _View) -> str:
     label = f"{length:.0f} m" if length < 1000.0 else f"{length / 1000.0:.0f} km"
     low = view.height - 26.0
     return (
-        f'<path d="M{MARGIN / 2} {low:.1f}v8H{right:.1f}v-8" fill="none" stroke="#1a1a1a"/>'
+        f'<path d="M{MARGIN / 2} {low:.1f}v8H{right:.1f}v-8" class="ink"/>'
         f'<text x="{MARGIN / 2}" y="{low - 6.0:.1f}">{label}</text>'
     )
 
 
 def _north() -> str:
     return (
-        f'<path d="M{SIZE - 30} 58V22l-6 10M{SIZE - 30} 22l6 10" fill="none" stroke="#1a1a1a" '
+        f'<path d="M{SIZE - 30} 58V22l-6 10M{SIZE - 30} 22l6 10" class="ink" '
         f'stroke-width="2"/><text x="{SIZE - 35}" y="74">N</text>'
     )
+
+
+def wind(flight: Flight) -> Section:
+    """The wind over time, as the autopilot estimated it."""
+    series = flight.context.wind_n_m_s
+    if series is None or not len(series.t_s):
+        return Section("wind", "Wind", ())
+    columns = Columns(flight.context.duration_s, COARSE)
+    north, east = series.values[:, 0], series.values[:, 1]
+    speed = np.hypot(north, east)
+    comes_from = np.degrees(np.arctan2(-east, -north)) % 360.0
+    # A wind of next to nothing has no direction.
+    comes_from = np.where(speed >= LEAST_WIND_M_S, comes_from, np.nan)
+    about = "The autopilot's estimate, which needs airspeed or manoeuvres to be right."
+    pictures = tuple(
+        one
+        for one in (
+            Lines("Wind speed", about, "m/s", _line(columns, "wind", series.t_s, speed)),
+            Lines(
+                "Wind from",
+                "Where it comes from: 0 is north, 90 east.",
+                "deg",
+                _line(columns, "from", series.t_s, comes_from, turn=360.0),
+                digits=0,
+                at_least=(0.0, 360.0),
+            ),
+        )
+        if one.traces
+    )
+    return Section("wind", "Wind", pictures)
+
+
+def _line(
+    columns: Columns, name: str, t_s: Array, values: Array, turn: float | None = None
+) -> tuple[Trace, ...]:
+    points = columns.of(t_s, values, turn)
+    return (Trace(name, colours.OURS, points),) if np.isfinite(points).any() else ()
 
 
 def _wind(flight: Flight) -> list[str]:
@@ -283,7 +363,7 @@ def _wind(flight: Flight) -> list[str]:
     label = f"wind {speed:.1f} m/s from {(angle + 180.0) % 360.0:.0f} deg"
     return [
         f'<g transform="translate(40 46) rotate({angle:.0f})"><path d="M0 22V-22l-7 12M0 -22l7 12" '
-        f'fill="none" stroke="#0072b2" stroke-width="3"/></g>'
+        f'class="ink wind" stroke-width="3"/></g>'
         f'<text x="72" y="36">{escape(label)}</text>'
         '<text x="72" y="54">(the arrow is where the air goes)</text>'
     ]

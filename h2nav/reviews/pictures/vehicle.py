@@ -5,9 +5,11 @@ import numpy as np
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Context, Series
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.html import table
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
-from h2nav.reviews.pictures.picture import Lines, Picture, Section, Trace
+from h2nav.reviews.pictures.grounds import Contact
+from h2nav.reviews.pictures.picture import Dash, Lines, Picture, Section, Trace
 
 MOST_MOTORS = 12
 # Voltage up to this means that it was not measured.
@@ -32,7 +34,7 @@ def demand(context: Context, columns: Columns, angle: str, cut_rad: float = 0.0)
     if angle == "heading":
         values = (values - cut_rad) % (2.0 * np.pi) + cut_rad - 2.0 * np.pi
         turn = 360.0
-    return _traces(columns, ("demand", colours.DEMAND, asked.t_s, values / DEG), turn=turn)
+    return traces_of(columns, ("demand", colours.DEMAND, asked.t_s, values / DEG), turn=turn)
 
 
 def height_lines(context: Context, columns: Columns) -> Lines:
@@ -42,9 +44,9 @@ def height_lines(context: Context, columns: Columns) -> Lines:
         # Exactly zero is logged in modes without a height demand.
         asked = asked._replace(values=np.where(asked.values == 0.0, np.nan, asked.values))
     traces = [
-        *_traces(columns, _series("height", colours.OURS, context.height_m)),
-        *_traces(columns, _series("barometer", colours.SENSORS[2], _from_the_start(context))),
-        *_traces(columns, _series("demand", colours.DEMAND, asked)),
+        *traces_of(columns, _series("height", colours.OURS, context.height_m)),
+        *traces_of(columns, _series("barometer", colours.NUMBERED[2], _from_the_start(context))),
+        *traces_of(columns, _series("demand", colours.DEMAND, asked)),
     ]
     about = "Above the start, the autopilot's estimate; dashed: the demand."
     return Lines("Height", about, "m", tuple(traces))
@@ -61,17 +63,34 @@ def _from_the_start(context: Context) -> Series | None:
     return baro._replace(values=baro.values - shift)
 
 
-def height(flight: Flight) -> Section:
-    """Height and climb."""
+def height(flight: Flight, met: tuple[Contact, ...]) -> Section:
+    """Height and climb, and how fast it met the ground.
+
+    Args:
+        met: take-offs, landings and crashes.
+    """
     context = flight.context
     columns = Columns(context.duration_s, COARSE)
-    climb = _traces(columns, _series("climb", colours.OURS, context.climb_m_s))
+    climb = traces_of(columns, _series("climb", colours.OURS, context.climb_m_s))
     about = "Positive upward, as the autopilot estimates it."
     pictures = (
         height_lines(context, columns),
         Lines("Climb", about, "m/s", tuple(climb)),
     )
-    return Section("height", "Height", _filled(pictures))
+    return Section("height", "Height", filled(pictures), _landings(met))
+
+
+def _landings(met: tuple[Contact, ...]) -> str:
+    """A table of the vertical speeds at which it met the ground."""
+    rows = [
+        (f"{one.t_s:.1f}", one.name, f"{one.speed_m_s:.1f}" if np.isfinite(one.speed_m_s) else "–")
+        for one in met
+        if one.name != "take-off"
+    ]
+    if not rows:
+        return ""
+    heads = ("s", "how it came down", "vertical speed at the ground, m/s")
+    return f"<h3>Touchdowns</h3>{table(heads, rows)}"
 
 
 def motor_lines(context: Context, columns: Columns) -> Lines:
@@ -81,17 +100,23 @@ def motor_lines(context: Context, columns: Columns) -> Lines:
     if motors is not None and len(motors.t_s):
         share = 100.0 * motors.share()
         for column, number in enumerate(motors.numbers[:MOST_MOTORS]):
-            colour = colours.of(colours.MOTORS, column)
-            traces += _traces(columns, (f"motor {number}", colour, motors.t_s, share[:, column]))
+            traces += _motor(columns, number, motors.t_s, share[:, column])
     throttle = context.throttle
     if throttle is not None and len(throttle.t_s):
         asked = ("throttle", colours.THROTTLE, throttle.t_s, 100.0 * throttle.values)
-        traces += _traces(columns, asked, dashed=bool(traces))
+        traces += traces_of(columns, asked, dash=Dash.DASHED if traces else Dash.NONE)
     about = (
         "0 % is a motor at rest, 100 % the autopilot's largest output. A motor far above the "
         "others makes up for a weak one or a bent arm; at 100 % nothing is left for control."
     )
     return Lines("Motors and throttle", about, "%", tuple(traces), digits=0, at_least=(0.0, 100.0))
+
+
+def _motor(columns: Columns, number: int, t_s: Array, values: Array) -> list[Trace]:
+    """A motor's line: the same colour, dash and tag in every picture."""
+    colour, dash = colours.numbered(number - 1)
+    traces = traces_of(columns, (f"motor {number}", colour, t_s, values), dash=dash)
+    return [trace._replace(tag=str(number)) for trace in traces]
 
 
 def motors(flight: Flight) -> Section:
@@ -100,11 +125,8 @@ def motors(flight: Flight) -> Section:
     columns = Columns(context.duration_s, FINE // 2)
     speeds = [
         trace
-        for number, one in enumerate(context.escs[:MOST_MOTORS])
-        for trace in _traces(
-            columns,
-            (f"motor {one.number}", colours.of(colours.MOTORS, number), one.t_s, one.rpm),
-        )
+        for one in context.escs[:MOST_MOTORS]
+        for trace in _motor(columns, one.number, one.t_s, one.rpm)
     ]
     pictures = (
         motor_lines(context, columns),
@@ -112,7 +134,7 @@ def motors(flight: Flight) -> Section:
             "Speed of the motors", "As their controllers report it.", "rpm", tuple(speeds), digits=0
         ),
     )
-    return Section("motors", "Motors", _filled(pictures))
+    return Section("motors", "Motors", filled(pictures))
 
 
 def voltage_lines(context: Context, columns: Columns) -> Lines:
@@ -121,9 +143,14 @@ def voltage_lines(context: Context, columns: Columns) -> Lines:
         trace
         for one in context.batteries
         if np.nanmax(np.append(one.voltage_v, 0.0)) > LEAST_VOLTAGE_V
-        for trace in _traces(
+        for trace in traces_of(
             columns,
-            (_battery(one.number), colours.of(colours.SENSORS, one.number), one.t_s, one.voltage_v),
+            (
+                _battery(one.number),
+                colours.of(colours.NUMBERED, one.number),
+                one.t_s,
+                one.voltage_v,
+            ),
         )
     ]
     return Lines("Battery voltage", "It sags under load.", "V", tuple(traces), digits=2)
@@ -137,18 +164,23 @@ def battery(flight: Flight) -> Section:
         trace
         for one in context.batteries
         if np.nanmax(np.append(one.current_a, 0.0)) > 0.0
-        for trace in _traces(
+        for trace in traces_of(
             columns,
-            (_battery(one.number), colours.of(colours.SENSORS, one.number), one.t_s, one.current_a),
+            (
+                _battery(one.number),
+                colours.of(colours.NUMBERED, one.number),
+                one.t_s,
+                one.current_a,
+            ),
         )
     ]
-    board = _traces(columns, _series("supply", colours.SENSORS[0], context.board_v))
+    board = traces_of(columns, _series("supply", colours.NUMBERED[0], context.board_v))
     pictures = (
         voltage_lines(context, columns),
         Lines("Battery current", "", "A", tuple(currents)),
         Lines("Supply of the autopilot", "", "V", tuple(board), digits=2),
     )
-    return Section("battery", "Battery", _filled(pictures))
+    return Section("battery", "Battery", filled(pictures))
 
 
 def _battery(number: int) -> str:
@@ -161,11 +193,11 @@ def _series(label: str, colour: str, series: Series | None) -> tuple[str, str, A
     return (label, colour, series.t_s, series.values)
 
 
-def _traces(
+def traces_of(
     columns: Columns,
     line: tuple[str, str, Array, Array],
     *,
-    dashed: bool = False,
+    dash: Dash = Dash.NONE,
     turn: float | None = None,
 ) -> list[Trace]:
     """One trace, or none if there is nothing to draw."""
@@ -173,9 +205,9 @@ def _traces(
     points = columns.of(t_s, values, turn)
     if not np.isfinite(points).any():
         return []
-    is_dashed = dashed or colour == colours.DEMAND
-    return [Trace(label, colour, points, is_dashed=is_dashed)]
+    return [Trace(label, colour, points, dash=Dash.DASHED if colour == colours.DEMAND else dash)]
 
 
-def _filled(pictures: tuple[Lines, ...]) -> tuple[Picture, ...]:
+def filled(pictures: tuple[Lines, ...]) -> tuple[Picture, ...]:
+    """Those with something to draw."""
     return tuple(picture for picture in pictures if picture.traces)

@@ -1,5 +1,6 @@
 """The page and its document: what is told, in which order, how large, and hostile texts."""
 
+import itertools
 import json
 import math
 import re
@@ -14,6 +15,8 @@ from made_flight import (
     made_crash,
     made_flight,
     page_of,
+    shown_by,
+    text_of,
 )
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
@@ -54,18 +57,6 @@ def empty_flight(why="the recording holds no IMU messages"):
 def made():
     flight = made_flight()
     return flight, made_analysis(flight)
-
-
-def shown_by(html):
-    """What the script of the page draws."""
-    block = re.search(r'<script type="application/json" id="review">(.*?)</script>', html)
-    return json.loads(block[1])
-
-
-def text_of(html):
-    """What is read, without scripts and styles."""
-    html = re.sub(r"<(script|style)\b.*?</\1>", "", html, flags=re.DOTALL)
-    return " ".join(re.sub(r"<[^>]*>", " ", html).split()).replace("&#x27;", "'")
 
 
 def test_findings_come_first_and_the_worst_of_them_first(made):
@@ -132,17 +123,17 @@ def test_a_crash_is_one_picture_before_all_others():
             "Above the start",
             "Motors and throttle",
             "It sags under load",
-            "From above; the part of the flight",
+            "From above, north up; the part of the flight",
         )
     ]
     assert places == sorted(places)
     told = shown_by(html)
     lanes = [one for one in told["pictures"] if one.get("window")]
     assert [one.get("title") for one in lanes] == [
-        "Roll", "Pitch", "Heading", "Motors", "Height", "Battery", None,
+        "Roll", "Pitch", "Heading", "Sticks", "Motors", "Height", "Battery", None,
     ]  # fmt: skip
     assert {tuple(one["window"]) for one in lanes} == {(89.0, 109.0)}
-    names = [trace["label"] for trace in lanes[3]["traces"]]
+    names = [trace["label"] for trace in lanes[4]["traces"]]
     assert names == ["motor 1", "motor 2", "motor 3", "motor 4", "throttle"]
     assert lanes[0]["traces"][0]["label"] == "demand"
     rows = {label: [span[2] for span in spans] for label, spans, _ in lanes[-1]["rows"]}
@@ -365,3 +356,80 @@ def test_the_document_of_an_empty_recording_has_the_same_keys(made):
 )
 def test_durations_are_told_as_people_do(seconds, told):
     assert duration(seconds) == told
+
+
+def test_sticks_and_rates_stand_against_what_followed():
+    flight, analysis = made_crash()
+    html = page_of(flight, analysis)
+    section = html[html.index('<section id="control"') : html.index('<section id="height"')]
+    assert re.findall(r"<h3>(.*?)</h3>", section) == [
+        "Sticks", "Roll rate", "Pitch rate", "Yaw rate",
+    ]  # fmt: skip
+    told = shown_by(html)["pictures"]
+    place = int(re.search(r'data-picture="(\d+)"', section)[1])
+    assert [one["label"] for one in told[place]["traces"]] == ["roll", "pitch", "yaw", "throttle"]
+    assert [one["label"] for one in told[place + 1]["traces"]] == ["gyro 1", "demand"]
+    titles = [one.get("title") for one in told if one.get("window")]
+    assert titles[3:5] == ["Sticks", "Motors"]
+
+
+def test_motors_have_their_numbers_beside_their_lines():
+    lanes = [one for one in shown_by(page_of(*made_crash()))["pictures"] if one.get("window")]
+    motors = next(one for one in lanes if one.get("title") == "Motors")
+    assert [one["tag"] for one in motors["traces"]] == ["1", "2", "3", "4", ""]
+
+
+def test_the_wind_is_a_track_over_time(made):
+    flight, analysis = made
+    html = page_of(flight, analysis)
+    section = html[html.index('<section id="wind"') :]
+    assert "Wind speed" in section
+    # 3 m/s to the south and 2 to the east: from 326 deg.
+    assert "from 326 to 326 deg" in section[:2000]
+    calm = flight.context._replace(wind_n_m_s=None)
+    assert 'id="wind"' not in page_of(flight._replace(context=calm), analysis)
+
+
+def test_an_attitude_from_a_gyro_that_turns_at_rest_is_not_shown(made):
+    flight, analysis = made
+    turned = Finding(
+        Kind.GYRO_BIAS, Sensor(SensorKind.IMU, 1), Severity.ERROR, 0.0, 599.0, 32.0, "deg/s",
+        "gyro turns at 32 deg/s at rest", "", "gyro_bias.imu1.1",
+    )  # fmt: skip
+    spins = page_of(flight._replace(findings=(turned,)), analysis)
+    assert "Our own attitude is not shown" in text_of(spins)
+    assert 'id="attitude"' in spins  # the autopilot's
+    assert 'id="difference"' not in spins
+    assert 'id="certainty"' not in spins
+    labels = {t["label"] for p in shown_by(spins)["pictures"] for t in p.get("traces", ())}
+    assert not any(label.startswith("h2nav") for label in labels)
+    alone = flight._replace(
+        findings=(turned,), lanes=(), context=flight.context._replace(imus=flight.context.imus[:1])
+    )
+    assert "Our own attitude is not shown" in text_of(page_of(alone, analysis))
+    # Another IMU's gyro, or a small one, takes nothing away; half a flight only that half.
+    for harmless in (turned._replace(sensor=Sensor(SensorKind.IMU, 2)), turned._replace(size=3.0)):
+        html = page_of(flight._replace(findings=(harmless,)), analysis)
+        assert 'id="difference"' in html
+        assert "is not shown" not in text_of(html)
+    half = page_of(flight._replace(findings=(turned._replace(to_s=300.0),)), analysis)
+    assert 'id="difference"' in half
+
+
+def test_what_was_not_looked_at_stands_apart_below_the_verdict():
+    html = page_of(empty_flight(), Analysis(blind=(("GPS", "no receiver"),)))
+    assert '<span class="blind"><b>Not looked at:</b> GPS (no receiver).</span>' in html
+
+
+def test_pictures_have_words_and_headings_have_an_order(made):
+    for html in (page_of(*made), page_of(*made_crash())):
+        places = re.findall(r'<div class="plot"([^>]*)>', html)
+        words = [re.search(r'role="img" aria-label="([^"]+)"', place)[1] for place in places]
+        assert any(re.search(r"Height over time: height -?\d.* to \d+", one) for one in words) or (
+            "Height" not in html
+        )
+        assert all(len(one) > 12 for one in words)
+        levels = [int(level) for level in re.findall(r"<h([1-6])", html)]
+        assert levels[0] == 1
+        assert levels.count(1) == 1
+        assert all(after - before <= 1 for before, after in itertools.pairwise(levels))

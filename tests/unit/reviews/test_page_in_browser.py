@@ -212,7 +212,7 @@ def test_the_picture_of_a_crash_keeps_its_seconds(browser, tmp_path):
     opened(browser, tmp_path, page_of(*made_crash()))
     assert browser.get_log("browser") == []
     lanes = browser.find_elements("css selector", "#event .stack .plot.drawn canvas")
-    assert len(lanes) == 7
+    assert len(lanes) == 8
     chart = browser.find_element("css selector", "#event")
     assert chart.location["y"] < 600, "below the verdict, on the first screen"
     timed = browser.execute_script(AXES)
@@ -276,6 +276,48 @@ def test_on_a_phone_nothing_is_wider_than_the_screen(browser, made, tmp_path, cr
         assert browser.execute_script(wider) == 0, "a column of a table is cut"
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_a_dark_page_is_drawn_in_dark_colours_and_printed_in_light_ones(browser, made, tmp_path):
+    corner = (
+        "const canvas = document.querySelector('#attitude canvas');"
+        "const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;"
+        "const sums = []; for (let k = 0; k < data.length; k += 4) if (data[k + 3] === 255)"
+        " sums.push(data[k] + data[k + 1] + data[k + 2]);"
+        "return sums.sort((a, b) => a - b)[sums.length >> 1];"
+    )
+    scheme = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", scheme)
+    try:
+        opened(browser, tmp_path, page_of(*made))
+        assert browser.get_log("browser") == []
+        paper = "return getComputedStyle(document.body).backgroundColor"
+        assert browser.execute_script(paper) == "rgb(20, 23, 28)"
+        track = "return getComputedStyle(document.querySelector('[data-track]')).stroke"
+        dark, late = browser.execute_script(corner), browser.execute_script(track)
+        assert dark < 300
+        browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+        wait_until(browser, f"{corner.replace('return', 'return 450 <')}")
+        assert browser.execute_script(track) != late
+        browser.execute_script("window.dispatchEvent(new Event('afterprint'))")
+        wait_until(browser, f"{corner.replace('return', 'return 300 >')}")
+        assert browser.execute_script(track) == late
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_a_line_is_hidden_and_the_time_moved_by_the_keyboard_alone(browser, made, tmp_path):
+    keys = need_package("selenium.webdriver.common.keys").Keys
+    opened(browser, tmp_path, page_of(*made))
+    browser.find_element("css selector", "body").send_keys(keys.TAB)
+    assert browser.switch_to.active_element.get_attribute("class") == "skip"
+    name = browser.find_elements("css selector", "#attitude .u-legend th[role=button]")[1]
+    assert name.get_attribute("aria-pressed") == "true"
+    name.send_keys(keys.ENTER)
+    wait_until(browser, "return window.review.timed.some((plot) => plot.series[2].show === false)")
+    assert name.get_attribute("aria-pressed") == "false"
+    browser.find_element("css selector", "[data-move=closer]").send_keys(keys.SPACE)
+    assert axes_follow(browser) == [150, 450]
 
 
 def test_it_prints_with_its_pictures_on_the_paper(browser, made, tmp_path):
