@@ -109,8 +109,7 @@ def test_a_plain_disagreement_is_told_after_four_seconds_and_ends():
     assert alarm.size == pytest.approx(23.0)
     assert alarm.text == "autopilot heading differs by 23 deg"
     assert alarm.evidence == (
-        "heading of the autopilot differs by 23 deg since 4 s; "
-        "no GPS velocity shows who is right"
+        "heading of the autopilot differs by 23 deg since 4 s; no GPS velocity shows who is right"
     )
     assert not alarm.degrades
     assert alarm.since_s == pytest.approx(4.0, abs=0.2)
