@@ -16,7 +16,7 @@ from h2nav.reviews.certainty import GROUPS, aids, covered_s
 from h2nav.reviews.chain import chain
 from h2nav.reviews.comparison import Difference, differences
 from h2nav.reviews.flight import Estimates, Flight
-from h2nav.reviews.last_seconds import Crash, Moment, last_seconds
+from h2nav.reviews.last_seconds import BeforeCrash, Crash, last_seconds
 from h2nav.reviews.parameters import in_order
 from h2nav.reviews.subjects import KINDS
 from h2nav.reviews.tracks import CompassFit, Receiver, Spectrum, TimingTrack
@@ -128,7 +128,7 @@ def _crash(crash: Crash) -> dict[str, object]:
     }
 
 
-def _moment(one: Moment) -> dict[str, object]:
+def _moment(one: BeforeCrash) -> dict[str, object]:
     return {
         "before_s": one.before_s,
         "height_m": one.height_m,

@@ -36,7 +36,7 @@ HOVERS = (*MULTIROTORS, mavlink.MAV_TYPE_HELICOPTER, mavlink.MAV_TYPE_COAXIAL)
 BY_STICKS_IN_HOVER = frozenset({"LOITER", "OF_LOITER", "AUTOTUNE"})
 
 
-class Moment(NamedTuple):
+class BeforeCrash(NamedTuple):
     """The vehicle at one time; NaN where unknown."""
 
     before_s: float  # until the impact
@@ -66,7 +66,7 @@ class Crash(NamedTuple):
     # medians of the last two seconds, shares of their travel, by axis; empty if not recorded
     sticks: dict[str, float]
     reports: tuple[str, ...]  # what the autopilot reported in the seconds before
-    before: tuple[Moment, ...]  # in order
+    before: tuple[BeforeCrash, ...]  # in order
 
 
 def last_seconds(
@@ -108,7 +108,7 @@ def _crash(flight: Flight, finding: Finding, blows: tuple[Impact, ...]) -> Crash
     )
 
 
-def _moments(flight: Flight, t_s: float) -> tuple[Moment, ...]:
+def _moments(flight: Flight, t_s: float) -> tuple[BeforeCrash, ...]:
     context = flight.context
     before_s = np.array([before for before in BEFORE_S if before <= t_s])
     at_s = t_s - before_s
@@ -122,7 +122,7 @@ def _moments(flight: Flight, t_s: float) -> tuple[Moment, ...]:
     if motors is not None:
         shares = _near(motors.t_s, motors.share(), at_s)
     return tuple(
-        Moment(
+        BeforeCrash(
             before_s=float(before_s[k]),
             height_m=float(height_m[k] - height_m[-1]),
             climb_m_s=float(climb_m_s[k]),

@@ -13,7 +13,7 @@ from h2nav.reviews.subjects.touchdown import DOWN_M, FLOWN_M, TOUCHDOWN
 SAME_S = 3.0
 
 
-class Contact(NamedTuple):
+class GroundContact(NamedTuple):
     """A moment at which a vehicle left or met the ground."""
 
     t_s: float  # its time
@@ -42,14 +42,14 @@ def take_offs(context: Context) -> list[float]:
     return found
 
 
-def contacts(context: Context, findings: Iterable[Finding]) -> tuple[Contact, ...]:
+def contacts(context: Context, findings: Iterable[Finding]) -> tuple[GroundContact, ...]:
     """Take-offs, landings and crashes, in order of time.
 
     Args:
         findings: of the flight; without a touchdown among them it never flew.
     """
     some = tuple(findings)
-    crashes = [Contact(f.from_s, "crash", np.nan) for f in some if f.kind is Kind.CRASH]
+    crashes = [GroundContact(f.from_s, "crash", np.nan) for f in some if f.kind is Kind.CRASH]
     landings = []
     for one in some:
         if one.kind != TOUCHDOWN:
@@ -58,8 +58,8 @@ def contacts(context: Context, findings: Iterable[Finding]) -> tuple[Contact, ..
         if ended:
             crashes[ended[0]] = crashes[ended[0]]._replace(speed_m_s=one.size)
         else:
-            landings.append(Contact(one.from_s, "landing", one.size))
+            landings.append(GroundContact(one.from_s, "landing", one.size))
     if not landings and not crashes:
         return ()
-    left = [Contact(t_s, "take-off", np.nan) for t_s in take_offs(context)]
+    left = [GroundContact(t_s, "take-off", np.nan) for t_s in take_offs(context)]
     return tuple(sorted((*left, *landings, *crashes), key=lambda one: one.t_s))

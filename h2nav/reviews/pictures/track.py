@@ -11,7 +11,7 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import escape
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, Columns
-from h2nav.reviews.pictures.grounds import Contact, contacts
+from h2nav.reviews.pictures.grounds import GroundContact, contacts
 from h2nav.reviews.pictures.picture import Lines, Section, Trace
 from h2nav.reviews.pictures.timeline import MOMENTS, marks, mode_backdrop
 
@@ -253,7 +253,7 @@ def _ends(path: _Path, view: _View) -> list[str]:
     return parts
 
 
-def _contacts(met: tuple[Contact, ...], path: _Path, view: _View) -> list[str]:
+def _contacts(met: tuple[GroundContact, ...], path: _Path, view: _View) -> list[str]:
     """A triangle for each take-off and landing; crashes are among the moments."""
     parts = []
     for one in met:
@@ -271,7 +271,7 @@ def _contacts(met: tuple[Contact, ...], path: _Path, view: _View) -> list[str]:
     return parts
 
 
-def _described(path: _Path, view: _View, met: tuple[Contact, ...]) -> str:
+def _described(path: _Path, view: _View, met: tuple[GroundContact, ...]) -> str:
     """The map in words."""
     width, north = np.ptp(path.east_m), np.ptp(path.north_m)
     text = f"Map of the flight, {width:.0f} m from west to east, {north:.0f} m from south to north"

@@ -8,7 +8,7 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import table
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
-from h2nav.reviews.pictures.grounds import Contact
+from h2nav.reviews.pictures.grounds import GroundContact
 from h2nav.reviews.pictures.picture import Dash, Lines, Picture, Section, Trace
 
 MOST_MOTORS = 12
@@ -63,7 +63,7 @@ def _from_the_start(context: Context) -> Series | None:
     return baro._replace(values=baro.values - shift)
 
 
-def height(flight: Flight, met: tuple[Contact, ...]) -> Section:
+def height(flight: Flight, met: tuple[GroundContact, ...]) -> Section:
     """Height and climb, and how fast it met the ground.
 
     Args:
@@ -80,7 +80,7 @@ def height(flight: Flight, met: tuple[Contact, ...]) -> Section:
     return Section("height", "Height", filled(pictures), _landings(met))
 
 
-def _landings(met: tuple[Contact, ...]) -> str:
+def _landings(met: tuple[GroundContact, ...]) -> str:
     """A table of the vertical speeds at which it met the ground."""
     rows = [
         (f"{one.t_s:.1f}", one.name, f"{one.speed_m_s:.1f}" if np.isfinite(one.speed_m_s) else "–")
