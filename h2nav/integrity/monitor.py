@@ -394,9 +394,13 @@ class Monitor:
         tilt_rad = max(tilt_rad, self._drift_tilt_rad)
         if tilt_rad == 0.0 and self._heading_rad == 0.0:
             return estimate
-        return estimate._replace(
-            sigma_tilt_rad=math.hypot(estimate.sigma_tilt_rad, tilt_rad),
-            sigma_heading_rad=math.hypot(estimate.sigma_heading_rad, self._heading_rad),
+        t_us, q_nb, w_b, bias_b, innovation_n, sigma_tilt_rad, trust, sigma_heading_rad = estimate
+        tilt_rad = math.hypot(sigma_tilt_rad, tilt_rad)
+        heading_rad = math.hypot(sigma_heading_rad, self._heading_rad)
+        # `_replace` costs three times as much, for every sample after a doubt.
+        return tuple.__new__(
+            AttitudeEstimate,
+            (t_us, q_nb, w_b, bias_b, innovation_n, tilt_rad, trust, heading_rad),
         )
 
     @property
