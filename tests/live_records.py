@@ -11,7 +11,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.links.link_statistics import LinkStatistics
 from h2nav.links.live_feed import FeedRecord
-from h2nav.live.flights import FlightsSite
+from h2nav.live.flights import READ_ONLY, FlightsSite, SiteRights
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
 from h2nav.log.recorder import RecorderRecord
@@ -123,7 +123,9 @@ class Served:
         state: LiveState | None,
         host: str = "127.0.0.1",
         flights: FlightFolder | None = None,
+        rights: SiteRights = READ_ONLY,
     ) -> None:
+        self._rights = rights
         self.state = state
         self._flights = flights
         self._site: FlightsSite | None = None
@@ -152,7 +154,9 @@ class Served:
 
     def open_server(self) -> None:
         """The page is served, on the same port as before."""
-        self._site = None if self._flights is None else self.run(FlightsSite, self._flights)
+        self._site = (
+            None if self._flights is None else self.run(FlightsSite, self._flights, self._rights)
+        )
         self._server = self.run(PageServer, self.state, self._host, self.port, self._site)
         self.port = self._server.port
 
@@ -172,10 +176,13 @@ class Served:
 
 @contextmanager
 def served(
-    state: LiveState | None, host: str = "127.0.0.1", flights: FlightFolder | None = None
+    state: LiveState | None,
+    host: str = "127.0.0.1",
+    flights: FlightFolder | None = None,
+    rights: SiteRights = READ_ONLY,
 ) -> Iterator[Served]:
     """A server that is gone after the block."""
-    running = Served(state, host, flights)
+    running = Served(state, host, flights, rights)
     try:
         yield running
     finally:

@@ -176,6 +176,12 @@ class FlightSettings:
         review_minutes: processor time of that process.
         fetch_log: fetch the autopilot's own log after each flight, which then is what is reviewed:
             while the vehicle is disarmed, and while nobody else fetches.
+        token_file: file with the token that uploads and deletions on the page need, made if it is
+            missing; empty = the page is read-only.
+        upload_mb: largest upload; 0 = none.
+        max_gb: space for the recordings of all flights; beyond it the oldest reviewed ones are
+            deleted, those with errors last. 0 = no limit but that of the log.
+        max_days: age at which a reviewed flight without an error is deleted; 0 = never.
         fetch_share: part of the link that this may take; a link without a baud rate counts as one
             of 921600 baud.
     """
@@ -185,6 +191,10 @@ class FlightSettings:
     review_minutes: Annotated[int, Within(1, 1440)] = 30
     fetch_log: bool = False
     fetch_share: Annotated[float, Within(0.01, 0.9)] = 0.5
+    token_file: str = ""
+    upload_mb: Annotated[int, Within(0, 100_000)] = 1024
+    max_gb: Annotated[float, Within(0.0, 1e6)] = 0.0
+    max_days: Annotated[int, Within(0, 36_500)] = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,9 +282,13 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
         state_file=expanded("signing.state_file", signing.state_file),
     )
     events = EventSettings(expanded("events.socket", configuration.events.socket))
+    token_file = expanded("flights.token_file", configuration.flights.token_file)
+    flights = dataclasses.replace(configuration.flights, token_file=token_file)
     if complaints:
         raise BadInput(*complaints)
-    return dataclasses.replace(configuration, log=log, filter=gains, signing=signing, events=events)
+    return dataclasses.replace(
+        configuration, log=log, filter=gains, signing=signing, events=events, flights=flights
+    )
 
 
 def contradictions(configuration: Configuration) -> list[str]:

@@ -63,6 +63,8 @@ class FlightKeeper:
                 str(self._folder / REVIEWS),
                 settings.review_memory_mb,
                 settings.review_minutes,
+                round(settings.max_gb * 1e9),
+                settings.max_days,
             )
         )
         self.record = FlightsRecord()  # counts so far

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from h2nav.apps import extras
 from h2nav.apps.configuration import Configuration
+from h2nav.apps.page_token import token_in
 from h2nav.integrity.findings import Phase, Severity
 from h2nav.links.back_off import BackOff
 from h2nav.links.listen_address import parse_listen_address
@@ -25,6 +26,7 @@ from h2nav.links.live_feed import (
     Word,
     feed_sockets,
 )
+from h2nav.log.folder import MIB
 from h2nav.service.effects import Notice
 from h2nav.service.records import FINDING_TOPIC, finding_record
 from h2nav.service.service import Service
@@ -79,11 +81,14 @@ class LiveView:
         require_packages()
         self._settings = configuration.live
         self._address = parse_listen_address(configuration.live.address)
+        token_file = configuration.flights.token_file
         self._greeting = Greeting(
             *self._address,
             configuration.live.foxglove_port,
             configuration.as_mapping(),
             configuration.log.folder,
+            token_in(Path(token_file)) if token_file else "",
+            configuration.flights.upload_mb * MIB,
         )
         self.feed = LiveFeed()  # takes the records of the pipeline
         self._viewer: subprocess.Popen[bytes] | None = None

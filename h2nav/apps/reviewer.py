@@ -14,6 +14,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
@@ -23,6 +24,7 @@ import orjson
 
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.flights.folder import FILE_MODE, MOST_ATTEMPTS, FlightFiles, FlightFolder, FlightRecord
+from h2nav.flights.retention import KeptFlight, RetentionLimits, to_delete
 from h2nav.flights.summary import sentence_of, summary_of
 from h2nav.host.yielding import NICEST, run_when_idle, yield_to_others
 from h2nav.log.folder import MIB
@@ -46,6 +48,8 @@ class ReviewJob(NamedTuple):
     reviews: str  # folder of the reviews
     memory_mb: int  # limit of its own memory, MiB
     minutes: int  # limit of its processor time
+    most_bytes: int = 0  # of all recordings; see `h2nav.flights.retention`
+    most_days: int = 0  # age of flights without errors
 
 
 def main() -> int:
@@ -58,7 +62,12 @@ def main() -> int:
     try:
         folder.reviews.mkdir(parents=True, exist_ok=True)
         with _alone(folder.reviews) as is_alone:
-            _say(_next_review(folder, job) if is_alone else {"busy": True})
+            if is_alone:
+                said = _next_review(folder, job)
+                _keep_within_limits(folder, RetentionLimits(job.most_bytes, job.most_days))
+            else:
+                said = {"busy": True}
+            _say(said)
     except OSError as error:
         _say({"trouble": f"{error.filename or folder.reviews}: {error.strerror or error}"})
         return 1
@@ -172,6 +181,21 @@ def _in_words(error: Exception, path: Path, job: ReviewJob) -> str:
     if isinstance(error, TaskFailed):
         return text
     return f"fault of the review: {type(error).__name__}: {text}; please report it"
+
+
+def _keep_within_limits(folder: FlightFolder, limits: RetentionLimits) -> None:
+    if not any(limits):
+        return
+    flights = folder.flights()
+    kept = []
+    for flight in flights.values():
+        record = folder.record(flight.id)
+        is_reviewed = record is not None and folder.is_current(flight, record)
+        has_errors = record is not None and bool(record.summary.get("errors"))
+        changed_ns = max(each.mtime_ns for each in flight.recordings)
+        kept.append(KeptFlight(flight.id, flight.size, changed_ns, is_reviewed, has_errors))
+    for flight_id in to_delete(kept, limits, time.time_ns()):
+        folder.delete(flights[flight_id])
 
 
 def _said_of(record: FlightRecord) -> dict[str, Any]:

@@ -7,13 +7,19 @@ import signal
 import sys
 import webbrowser
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from h2nav.apps import extras
+from h2nav.apps.page_token import new_token
 from h2nav.apps.review_process import ReviewOutcome, ReviewProcess
 from h2nav.apps.reviewer import ReviewJob
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.flights.folder import REVIEWS, FlightFolder
 from h2nav.links.listen_address import ListenAddress, parse_listen_address
+from h2nav.log.folder import MIB
+
+if TYPE_CHECKING:  # needs the extra
+    from h2nav.live.flights import FlightsSite
 
 USUAL_ADDRESS = "127.0.0.1:8080"
 LOOK_S = 0.2
@@ -23,7 +29,9 @@ _CLOSING = """\
 Recordings anywhere below FOLDER are listed: .mcap of h2nav, .tlog, .bin, .log, .ulg. Those without
 a review are reviewed, newest first, one at a time and at idle priority, into FOLDER/reviews. The
 folder of the daemon's logs can be served while it runs. Ctrl-C ends the command; a review that it
-interrupts is taken up again by the next one."""
+interrupts is taken up again by the next one.
+
+The address that is printed holds a token; who opens it may upload and delete."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"to listen on ({USUAL_ADDRESS}); port 0 = any free one",
     )
     parser.add_argument("--no-review", action="store_true", help="show what there is, no more")
+    parser.add_argument(
+        "--read-only", action="store_true", help="no uploads and no deletions, whoever asks"
+    )
+    parser.add_argument(
+        "--upload-mb", type=int, default=1024, metavar="N", help="largest upload (1024 MiB)"
+    )
     parser.add_argument("--open", action="store_true", help="open the list in the browser")
     parser.add_argument(
         "--memory-mb", type=int, default=1024, metavar="N", help="memory of a review (1024 MiB)"
@@ -52,8 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serves until it is interrupted; returns 0."""
-    if args.memory_mb < 1 or args.minutes < 1:
-        raise BadInput("--memory-mb and --minutes: expected more than 0")
+    if min(args.memory_mb, args.minutes, args.upload_mb) < 1:
+        raise BadInput("--memory-mb, --minutes and --upload-mb: expected more than 0")
     try:
         address = parse_listen_address(args.address)
     except BadInput as error:
@@ -66,11 +80,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def _serve(args: argparse.Namespace, address: ListenAddress) -> None:
-    from h2nav.live.flights import FlightsSite
+    from h2nav.live.flights import FlightsSite, SiteRights
     from h2nav.live.server import PageServer
 
     folder = FlightFolder(args.folder, args.reviews)
-    site = FlightsSite(folder)
+    token = "" if args.read_only else new_token()
+    site = FlightsSite(folder, SiteRights(token, args.upload_mb * MIB))
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
@@ -81,10 +96,12 @@ async def _serve(args: argparse.Namespace, address: ListenAddress) -> None:
             f"--address: {address}: {error.strerror or error}; choose another"
         ) from None
     url = f"http://{address._replace(port=server.port)}/flights"
+    if token:
+        url += f"#token={token}"
     print(url, flush=True)
     if args.open:
         webbrowser.open(url)
-    reviewing = asyncio.create_task(_review(folder, args))
+    reviewing = asyncio.create_task(_review(site, args))
     try:
         await stopped.wait()
     finally:
@@ -95,10 +112,11 @@ async def _serve(args: argparse.Namespace, address: ListenAddress) -> None:
         site.close()
 
 
-async def _review(folder: FlightFolder, args: argparse.Namespace) -> None:
+async def _review(site: "FlightsSite", args: argparse.Namespace) -> None:
     """Reviews what has no review, for as long as it is not cancelled."""
     if args.no_review:
         return
+    folder = site.folder
     root, reviews = folder.root.resolve(), folder.reviews.resolve()
     process = ReviewProcess(ReviewJob(str(root), str(reviews), args.memory_mb, args.minutes))
     told = ""
@@ -112,7 +130,9 @@ async def _review(folder: FlightFolder, args: argparse.Namespace) -> None:
                 print(f"h2nav: {line}", file=sys.stderr)
             told = line if outcome.trouble else ""
             if outcome.did_nothing or outcome.trouble:
-                await asyncio.sleep(FOLDER_S)
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(site.changed.wait(), FOLDER_S)
+                site.changed.clear()
     finally:
         process.stop()
 

@@ -33,6 +33,7 @@ USUAL_URLS = (
 SERVICE_CONFIG = Path("/etc/h2nav/config.yaml")
 USER_CONFIG = Path("h2nav.yaml")
 SERVICE_LOGS, USER_LOGS = "/var/log/h2nav", "~/h2nav-logs"
+SERVICE_TOKEN, USER_TOKEN = "/var/lib/h2nav/page-token", "~/h2nav-logs/page-token"
 # A line up to this rate counts as a telemetry radio, which others share.
 RADIO_BAUD = 57600
 # An attitude needs some 50 samples a second; two IMUs at 100 Hz need this rate.
@@ -64,6 +65,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CONFIG.yaml",
         help=f"file to write (default: {SERVICE_CONFIG} for root, else ./{USER_CONFIG})",
+    )
+    parser.add_argument(
+        "--fetch-log",
+        action="store_true",
+        help="fetch the autopilot's own log after each flight, for the review",
     )
     parser.add_argument("--yes", action="store_true", help="take the defaults, ask nothing")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
@@ -99,7 +105,9 @@ def run(args: argparse.Namespace) -> int:
     if not asks and not args.yes:
         return 0
     chosen = _pick(_with_system(choices, args.system_id), asks)
-    if chosen is None or not _write(output, chosen, choices, replaces, asks):
+    if chosen is None or not _write(
+        output, chosen, choices, replaces, asks, fetches_log=args.fetch_log
+    ):
         return 0
     if not args.no_service and os.geteuid() == 0 and output == SERVICE_CONFIG:
         _offer_service(asks)
@@ -246,7 +254,13 @@ def _preference(choice: Choice) -> tuple[int, float]:
 
 
 def _write(
-    output: Path, chosen: Choice, choices: Sequence[Choice], replaces: bool, asks: bool
+    output: Path,
+    chosen: Choice,
+    choices: Sequence[Choice],
+    replaces: bool,
+    asks: bool,
+    *,
+    fetches_log: bool,
 ) -> bool:
     """Writes and checks the configuration; returns False if the user declines."""
     if asks and not _agrees(f"write {output}?"):
@@ -255,7 +269,7 @@ def _write(
     if keeps and not (asks and _agrees(f"{output} exists; replace it?")):
         return False
     others = [each for each in choices if each.hearing is chosen.hearing]
-    text = configuration_text(chosen, is_shared=len(others) > 1)
+    text = configuration_text(chosen, is_shared=len(others) > 1, fetches_log=fetches_log)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(text, encoding="utf-8")
@@ -268,11 +282,12 @@ def _write(
     return True
 
 
-def configuration_text(chosen: Choice, is_shared: bool) -> str:
+def configuration_text(chosen: Choice, is_shared: bool, *, fetches_log: bool = False) -> str:
     """The example for this kind of link, with this link's URL.
 
     Args:
         is_shared: other autopilots are on the same link, so that this one has to be named.
+        fetches_log: the autopilot's own log is fetched after each flight; over no telemetry radio.
     """
     target = parse_link_url(chosen.hearing.url)
     is_px4 = chosen.speaker.heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
@@ -289,7 +304,9 @@ def configuration_text(chosen: Choice, is_shared: bool) -> str:
         if "system_id:" not in text:
             text += line
     if os.geteuid() != 0:
-        text = text.replace(SERVICE_LOGS, USER_LOGS)
+        text = text.replace(SERVICE_LOGS, USER_LOGS).replace(SERVICE_TOKEN, USER_TOKEN)
+    if fetches_log:
+        text = text.replace("  fetch_log: false ", "  fetch_log: true  ")
     return text
 
 

@@ -76,6 +76,8 @@ class Greeting(NamedTuple):
     foxglove_port: int  # of the Foxglove WebSocket; 0 = none
     configuration: Mapping[str, Mapping[str, Any]]  # of the daemon, section -> key -> value
     flights_folder: str = ""  # of the record of flights; empty = none
+    flights_token: str = ""  # that changes to it need; empty = none are allowed
+    upload_bytes: int = 0  # the largest upload
 
 
 class Word(NamedTuple):

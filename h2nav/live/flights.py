@@ -5,22 +5,28 @@ What is served is found in the index by a flight's id; no address becomes a path
 
 import asyncio
 import contextlib
+import hmac
 import os
+import secrets
+import shutil
 import socket
 import time
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, BinaryIO, NamedTuple, cast
 from urllib.parse import quote
 
 import orjson
 from tornado.http1connection import HTTP1Connection
 from tornado.iostream import StreamClosedError
-from tornado.web import HTTPError
+from tornado.web import HTTPError, stream_request_body
 
 from h2nav.errors import BadInput
-from h2nav.flights.folder import FlightFolder
+from h2nav.files.whole_file import sync_folder
+from h2nav.flights.folder import UPLOADS, FlightFiles, FlightFolder, flight_id
 from h2nav.flights.index import FlightIndex, Question
+from h2nav.flights.uploads import EXPECTED, PROBE_BYTES, free_path, kind_of, safe_name
 from h2nav.live.handlers import PageHandler
+from h2nav.log.folder import MIB
 
 # How old the list may be; looking at the folder costs a call per file.
 LOOK_S = 2.0
@@ -28,6 +34,9 @@ FLIGHT = r"/flights/([A-Za-z0-9._-]{1,120})"
 # Pages and recordings are large, and nothing in them becomes stale.
 SEND_BUFFER_BYTES = 256 * 1024
 BLOCK_BYTES = 64 * 1024
+# Time for an upload, and space on the disk that it leaves.
+UPLOAD_S = 1800.0
+LEAST_FREE_BYTES = 256 * MIB
 # A review is a document of its own: its scripts are in it, and it can ask this server for nothing.
 REVIEW_POLICY = (
     "sandbox allow-scripts allow-downloads allow-popups; default-src 'none'; "
@@ -35,15 +44,29 @@ REVIEW_POLICY = (
 )
 
 
+class SiteRights(NamedTuple):
+    """What clients may change."""
+
+    token: str = ""  # that they have to name; empty = nothing may be changed
+    upload_bytes: int = 0  # the largest upload; 0 = none
+
+
+READ_ONLY = SiteRights()
+
+
 class FlightsSite:
     """The flights of a folder, on the running event loop.
 
     Args:
         folder: that is shown.
+        rights: to change it.
     """
 
-    def __init__(self, folder: FlightFolder) -> None:
+    def __init__(self, folder: FlightFolder, rights: SiteRights = READ_ONLY) -> None:
         self.folder = folder
+        self.rights = rights
+        self.changed = asyncio.Event()  # set when a client has changed the folder
+        self.is_uploading = False  # one at a time
         self._index: FlightIndex | None = None
         self._lock = asyncio.Lock()
         self._looked_s: float | None = None
@@ -61,9 +84,18 @@ class FlightsSite:
         async with self._lock:
             return await asyncio.to_thread(index.flight, flight)
 
-    async def look_again(self) -> None:
-        """Makes the next answer hold what has changed in the folder."""
+    async def has_changed(self) -> None:
+        """Makes the next answer hold what a client has changed in the folder."""
+        self.changed.set()
         await self._look()
+
+    def begin_upload(self) -> None:
+        """Lets no other upload begin."""
+        self.is_uploading = True
+
+    def end_upload(self) -> None:
+        """Lets the next upload begin."""
+        self.is_uploading = False
 
     def close(self) -> None:
         """Closes the index."""
@@ -137,6 +169,23 @@ class _OfFlights(PageHandler):
                     return
                 await self.sent(self.finish())
 
+    @property
+    def is_unlocked(self) -> bool:
+        """Whether the client has named the token, and no other site has sent it."""
+        token = self.site.rights.token
+        named = self.request.headers.get("Authorization", "")
+        if not token or not hmac.compare_digest(named.encode(), f"Bearer {token}".encode()):
+            return False
+        origin = self.request.headers.get("Origin")
+        return origin is None or origin.rpartition("/")[2] == self.request.host
+
+    def need_token(self) -> None:
+        """Refuses clients that may change nothing."""
+        if not self.site.rights.token:
+            raise HTTPError(403, reason="read-only: no token is configured")
+        if not self.is_unlocked:
+            raise HTTPError(403, reason="the token is missing or wrong")
+
     def as_download(self, name: str, kind: str) -> None:
         """Declares a file that is saved under its name."""
         self.set_header("Content-Type", kind)
@@ -160,6 +209,10 @@ class FlightList(_OfFlights):
         )
         found = await self.site.page(asked)
         found["has_live_page"] = self.shared.state is not None
+        rights = self.site.rights
+        found["may_be_changed"] = bool(rights.token)
+        found["is_unlocked"] = self.is_unlocked
+        found["upload_bytes"] = rights.upload_bytes
         self.set_header("Content-Type", "application/json")
         with contextlib.suppress(StreamClosedError):
             await self.sent(self.finish(orjson.dumps(found)))
@@ -183,6 +236,119 @@ class FlightReview(_OfFlights):
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.set_header("Content-Security-Policy", REVIEW_POLICY)
         await self.send_file(self.site.folder.reviews / row["page"])
+
+    async def delete(self, flight: str) -> None:
+        """Deletes the flight: recordings and review."""
+        self.need_token()
+        await self.row(flight)
+        folder = self.site.folder
+        found = (await asyncio.to_thread(folder.flights)).get(flight, FlightFiles(flight, ()))
+        try:
+            await asyncio.to_thread(folder.delete, found)
+        except OSError as error:
+            raise HTTPError(500, reason=_printable(error.strerror or str(error))) from None
+        await self.site.has_changed()
+        self.set_status(204)
+
+
+class FlightAgain(_OfFlights):
+    """Has a flight reviewed again."""
+
+    async def post(self, flight: str) -> None:
+        """Removes its review."""
+        self.need_token()
+        await self.row(flight)
+        await asyncio.to_thread(self.site.folder.forget_review, flight)
+        await self.site.has_changed()
+        self.set_status(204)
+
+
+@stream_request_body
+class FlightUpload(_OfFlights):
+    """Takes a recording as the body of a request, one at a time."""
+
+    _stream: BinaryIO | None = None
+    _part: Path | None = None
+    _left = 0
+
+    def prepare(self) -> None:
+        """Refuses what cannot be taken before it comes, and makes room for the rest."""
+        super().prepare()
+        self.need_token()
+        site, most = self.site, self.site.rights.upload_bytes
+        length = self.request.headers.get("Content-Length", "")
+        if not length.isdecimal():
+            raise HTTPError(411)
+        self._left = int(length)
+        if self._left > most:
+            raise HTTPError(413, reason=f"larger than {most // MIB} MiB")
+        if site.is_uploading:
+            raise HTTPError(503, reason="another upload is not finished")
+        folder = site.folder.root / UPLOADS
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if shutil.disk_usage(folder).free - self._left < LEAST_FREE_BYTES:
+                raise HTTPError(507, reason="no room on the disk")
+            for part in folder.glob(".*.part"):  # of a server that was killed
+                if time.time() - part.stat().st_mtime > UPLOAD_S:
+                    part.unlink(missing_ok=True)
+            self._part = folder / f".{secrets.token_hex(8)}.part"
+            self._stream = self._part.open("xb")
+        except OSError as error:
+            raise HTTPError(500, reason=_printable(error.strerror or str(error))) from None
+        site.begin_upload()
+        connection = cast(HTTP1Connection, self.request.connection)
+        connection.set_max_body_size(most)
+        connection.set_body_timeout(UPLOAD_S)
+
+    def data_received(self, chunk: bytes) -> None:
+        """Writes a part of it."""
+        if self._stream is None:
+            raise HTTPError(400)
+        try:
+            self._stream.write(chunk)
+        except OSError as error:
+            raise HTTPError(507, reason=_printable(error.strerror or str(error))) from None
+        self._left -= len(chunk)
+
+    async def post(self) -> None:
+        """Gives it its name, if it is a recording."""
+        if self._stream is None or self._part is None or self._left:
+            raise HTTPError(400)
+        with self._stream as stream:
+            stream.flush()
+            await asyncio.to_thread(os.fsync, stream.fileno())
+        with self._part.open("rb") as stream:
+            kind = kind_of(stream.read(PROBE_BYTES))
+        if not kind:
+            raise HTTPError(415, reason=f"not a recording; {EXPECTED}")
+        name = safe_name(self.get_query_argument("name", ""), kind)
+        path = free_path(self._part.parent, name)
+        self._part.rename(path)
+        sync_folder(path.parent)
+        self._part = None
+        await self.site.has_changed()
+        said = {"id": flight_id(f"{UPLOADS}/{path.name}"), "name": path.name}
+        self.set_status(201)
+        self.set_header("Content-Type", "application/json")
+        self.finish(orjson.dumps(said))
+
+    def on_finish(self) -> None:
+        """Cleans up."""
+        self._clean_up()
+
+    def on_connection_close(self) -> None:
+        """Cleans up after a client that is gone."""
+        self._clean_up()
+
+    def _clean_up(self) -> None:
+        if self._stream is None:
+            return
+        self._stream.close()
+        self._stream = None
+        if self._part is not None:
+            self._part.unlink(missing_ok=True)
+        self.site.end_upload()
 
 
 class FlightDocument(_OfFlights):
@@ -218,7 +384,9 @@ class FlightRecording(_OfFlights):
 
 ROUTES: tuple[tuple[str, type[PageHandler]], ...] = (
     (r"/flights\.json", FlightList),
+    (f"/flights/{UPLOADS}", FlightUpload),
     (FLIGHT, FlightReview),
+    (FLIGHT + "/again", FlightAgain),
     (FLIGHT + r"/review\.json", FlightDocument),
     (FLIGHT + r"/files/([0-9]{1,2})", FlightRecording),
 )

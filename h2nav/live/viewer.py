@@ -12,7 +12,7 @@ from h2nav.errors import BadInput
 from h2nav.flights.folder import FlightFolder
 from h2nav.host.yielding import yield_to_others
 from h2nav.links.live_feed import FeedLine, FeedReader, Greeting, Word
-from h2nav.live.flights import FlightsSite
+from h2nav.live.flights import FlightsSite, SiteRights
 from h2nav.live.foxglove_server import FoxgloveServer
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
@@ -53,11 +53,13 @@ def view(end: socket.socket) -> int:
 async def _show(feed: FeedReader, greeting: Greeting) -> None:
     """Serves until the feed ends, which raises ConnectionError."""
     state = LiveState()
-    host, port, foxglove_port, configuration, flights_folder = greeting
+    host, port, foxglove_port, configuration, flights_folder, token, upload_bytes = greeting
     with contextlib.ExitStack() as servers:
         flights: FlightsSite | None = None
         if flights_folder:
-            flights = FlightsSite(FlightFolder(Path(flights_folder)))
+            flights = FlightsSite(
+                FlightFolder(Path(flights_folder)), SiteRights(token, upload_bytes)
+            )
             servers.callback(flights.close)
         page = servers.enter_context(contextlib.closing(_listening(state, host, port, flights)))
         foxglove: FoxgloveServer | None = None

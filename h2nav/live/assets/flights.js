@@ -8,6 +8,14 @@ const asked = { sort: "date", order: "down", offset: 0 };
 let last = "";
 let timer = 0;
 let asking = 0;
+let token = sessionStorage.getItem("h2nav-token") || "";
+let unlocked = false;
+let largest = 0;
+// A link may bring the token; it does not stay in the address.
+if (location.hash.startsWith("#token=")) {
+  keepToken(decodeURIComponent(location.hash.slice(7)));
+  history.replaceState(null, "", location.pathname + location.search);
+}
 
 // Name, key of the sort (none: not sortable), first order, how a cell is drawn.
 const COLUMNS = [
@@ -69,6 +77,14 @@ function files(row) {
   if (row.document) {
     links.push(element("a", "JSON", { href: `flights/${row.id}/review.json`, download: "",
       "aria-label": `Download the review of ${row.name} as JSON` }));
+  }
+  if (unlocked) {
+    const again = element("button", "Review again", { type: "button",
+      "aria-label": `Review ${row.name} again` });
+    again.addEventListener("click", () => change("POST", `flights/${row.id}/again`));
+    const gone = element("button", "Delete", { type: "button", "aria-label": `Delete ${row.name}` });
+    gone.addEventListener("click", () => remove(row));
+    links.push(element("br"), ...(row.files.length && row.state !== "waiting" ? [again] : []), gone);
   }
   return [...links, ...(row.size ? [element("small", size(row.size))] : [])];
 }
@@ -156,7 +172,7 @@ async function ask() {
   const number = ++asking;
   let text = "";
   try {
-    const answer = await fetch(`flights.json?${query()}`, { cache: "no-store" });
+    const answer = await fetch(`flights.json?${query()}`, { cache: "no-store", headers: named() });
     if (answer.status === 404) throw new Error("No record of flights is kept here: it needs log.folder.");
     if (!answer.ok) throw new Error(`The list cannot be read (${answer.status}).`);
     text = await answer.text();
@@ -174,6 +190,11 @@ async function ask() {
 
 function show(found) {
   const { flights, total, matching, offset } = found;
+  unlocked = found.is_unlocked;
+  largest = found.upload_bytes;
+  at("changes").hidden = !found.may_be_changed;
+  at("lock").hidden = unlocked;
+  at("drop").hidden = !unlocked || !largest;
   const body = document.querySelector("#list tbody");
   const focused = document.activeElement;
   const line = focused && focused.closest("#list tbody tr");
@@ -202,6 +223,56 @@ function trouble(text) {
   if (at("trouble").textContent !== text) at("trouble").textContent = text;
 }
 
+function keepToken(text) {
+  token = text;
+  sessionStorage.setItem("h2nav-token", token);
+}
+
+function named() {
+  return token ? { Authorization: `Bearer ${token}` } : {};
+}
+
+// Asks for a change, and draws the list anew.
+async function change(method, address) {
+  try {
+    const answer = await fetch(address, { method, headers: named() });
+    if (!answer.ok) throw new Error((await answer.text()).trim());
+    await ask();
+  } catch (error) {
+    trouble(error instanceof TypeError ? "h2nav does not answer." : error.message);
+  }
+}
+
+function remove(row) {
+  at("question").textContent = `Delete ${row.name}, its recordings and its review?`;
+  at("sure").returnValue = "no";
+  at("sure").onclose = async () => {
+    if (at("sure").returnValue !== "yes") return;
+    await change("DELETE", `flights/${row.id}`);
+    at("search").focus();
+  };
+  at("sure").showModal();
+}
+
+// One after the other: the server takes one at a time.
+async function upload(files) {
+  for (const file of files) {
+    const line = element("li", `${file.name}: uploading`);
+    at("uploads").prepend(line);
+    try {
+      if (file.size > largest) throw new Error(`larger than ${size(largest)}`);
+      const answer = await fetch(`flights/uploads?name=${encodeURIComponent(file.name)}`,
+        { method: "POST", body: file, headers: named() });
+      if (!answer.ok) throw new Error((await answer.text()).trim());
+      line.textContent = `${(await answer.json()).name}: uploaded, it is reviewed next`;
+    } catch (error) {
+      line.className = "failed";
+      line.textContent = `${file.name}: ${error instanceof TypeError ? "not taken" : error.message}`;
+    }
+    await ask();
+  }
+}
+
 function fromTheStart() {
   asked.offset = 0;
   ask();
@@ -228,6 +299,25 @@ at("after").addEventListener("click", () => {
   asked.offset += ROWS;
   ask();
 });
+at("lock").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  keepToken(at("token").value.trim());
+  last = "";
+  await ask();
+  if (!unlocked) trouble("That is not the token.");
+  else at("upload").focus();
+});
+at("upload").addEventListener("change", async () => {
+  await upload([...at("upload").files]);
+  at("upload").value = "";
+});
+for (const kind of ["dragover", "dragleave", "drop"]) {
+  document.addEventListener(kind, (event) => {
+    event.preventDefault();
+    at("drop").classList.toggle("over", kind === "dragover" && unlocked);
+    if (kind === "drop" && unlocked) upload([...event.dataTransfer.files]);
+  });
+}
 document.addEventListener("visibilitychange", () => { if (!document.hidden) ask(); });
 heads();
 at("sort").value = asked.sort;

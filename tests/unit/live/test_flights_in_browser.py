@@ -5,7 +5,10 @@ from browsers import headless_browser, says, wait_until
 from flight_folders import add_flights, summary
 from live_records import served
 
+from h2nav.live.flights import SiteRights
+
 COUNT = 500
+TOKEN = "0123456789abcdefTOKEN"
 WIDTHS = {"desk": 1280, "phone": 390}
 VIBRATING = sum("vibration" in summary(number)["kinds"] for number in range(COUNT))
 ROWS = "document.querySelectorAll('#list tbody tr').length"
@@ -25,7 +28,7 @@ def page(tmp_path_factory):
     (folder.root / "broken.bin").write_bytes(b"not a log")
     flight = next(each for each in folder.flights().values() if each.best.name == "broken.bin")
     folder.commit(flight, {}, error="<b>not</b> a recording")
-    with served(None, flights=folder) as running:
+    with served(None, flights=folder, rights=SiteRights(TOKEN, 1 << 20)) as running:
         yield running
 
 
@@ -42,10 +45,11 @@ def width(request, browser, page):
 
 
 def press(browser, *keys):
+    from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
     for key in keys:
-        browser.switch_to.active_element.send_keys(getattr(Keys, key, key))
+        ActionChains(browser).send_keys(getattr(Keys, key, key)).perform()
 
 
 def reach(browser, script):
@@ -120,6 +124,38 @@ def test_a_review_opens_by_keyboard_and_can_ask_the_server_for_nothing(browser, 
     wait_until(browser, "return location.pathname.startsWith('/flights/')")
     assert browser.title.isdecimal()
     assert browser.execute_script("return self.origin") == "null"
+
+
+def test_uploads_and_deletions_by_keyboard_once_unlocked(browser, width, tmp_path, page):
+    assert browser.execute_script("return document.getElementById('drop').hidden")
+    reach(browser, "document.getElementById('token')")
+    press(browser, *"wrong", "ENTER")
+    says(browser, "#trouble", "not the token")
+    browser.execute_script("document.getElementById('token').value = ''")
+    reach(browser, "document.getElementById('token')")
+    press(browser, *TOKEN, "ENTER")
+    wait_until(browser, "return !document.getElementById('drop').hidden")
+    (tmp_path / f"{width}.ulg").write_bytes(b"ULog\x01\x12\x35\x01" + bytes(2000))
+    (tmp_path / f"{width}.txt").write_bytes(b"no log")
+    box = browser.find_element("id", "upload")
+    box.send_keys(f"{tmp_path}/{width}.txt")
+    says(browser, "#uploads", "not a recording")
+    box.send_keys(f"{tmp_path}/{width}.ulg")
+    says(browser, "#uploads", f"{width}.ulg: uploaded")
+    browser.execute_script(
+        "const box = document.getElementById('search'); box.value = arguments[0];"
+        "box.dispatchEvent(new Event('input'))",
+        f"{width}.ulg",
+    )
+    wait_until(browser, f"return {ROWS} === 1")
+    says(browser, "#list tbody", "waiting")
+    reach(browser, "document.querySelector('#list [aria-label^=Delete]')")
+    press(browser, "ENTER")
+    wait_until(browser, "return document.getElementById('sure').open")
+    reach(browser, "document.querySelector('#sure [value=yes]')")
+    press(browser, "ENTER")
+    says(browser, "#none", "No flight matches")
+    browser.execute_script("sessionStorage.clear()")
 
 
 def test_every_control_has_a_name_and_nothing_is_wider_than_the_page(browser, width):
