@@ -29,8 +29,9 @@ The new file is searched for the old coordinates and ids, and both are reviewed:
 to be the same. Look at it yourself before you publish it: who knows the way and the vehicle still
 knows the flight.
 
-FILE is a dataflash log (.bin), a ULog file (.ulg), a telemetry log (.tlog) or raw MAVLink. Of our
-own log make one first: h2nav log export FILE.mcap --to tlog -o FILE.tlog
+FILE is a dataflash log (.bin), a ULog file (.ulg), a telemetry log (.tlog), raw MAVLink, or our own
+log (.mcap). The new file has the same format, but of the last two it is a telemetry log: the frames
+that were received, without our configuration, estimates and texts.
 
 exit status: 1 if something remained or the findings differ; the new file is kept."""
 # Findings of both reviews are the same within this.
@@ -99,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 def _kind(path: Path) -> str:
     from h2nav.recordings.dataflash_tables import FMT_OF_FMT, is_dataflash
     from h2nav.recordings.opening import PROBE_BYTES
-    from h2nav.recordings.recording import McapRecording, open_recording
+    from h2nav.recordings.recording import open_recording
     from h2nav.recordings.ulog_tables import is_ulog
 
     try:
@@ -113,11 +114,7 @@ def _kind(path: Path) -> str:
         return "dataflash"
     if is_dataflash(start):
         raise BadInput(f"{path}: a dataflash log as text; expected the binary one (.bin)")
-    if isinstance(open_recording(path), McapRecording):
-        raise BadInput(
-            f"{path}: is an MCAP file; make a telemetry log of it first: "
-            f"h2nav log export {path} --to tlog -o {path.stem}.tlog"
-        )
+    open_recording(path)
     return "frames"
 
 

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from signing_peer import Peer
 
 from h2nav.files.earth_field import earth_field_at
+from h2nav.log.recorder import Recorder
 from h2nav.recordings.anonymous import Coordinates, Replacement, patterns_of, which_of
 from h2nav.recordings.anonymous_check import remains
 from h2nav.recordings.anonymous_frames import anonymise_frames, frame_facts
@@ -241,3 +242,18 @@ def test_what_remains_is_told(tmp_path):
     found = remains(path, [OLD], [UID.replace(" ", "-")])
     assert len(found) == 2
     assert "byte 4" in found[0]
+
+
+def test_of_our_own_log_the_frames_are_left(tmp_path):
+    encoder, start_ns = Encoder(1, 1), 1_700_000_000_000_000_000
+    path, output = tmp_path / "old.mcap", tmp_path / "new.tlog"
+    with Recorder.to_file(path, unix_offset_ns=start_ns) as recorder:
+        recorder.attach("configuration.yaml", "application/yaml", b"link: {url: alice}")
+        for number, message in enumerate(messages()):
+            recorder.raw("udp", start_ns + number * 1_000_000, encoder.encode(message))
+    counted, _ = anonymise_frames(open_recording(path), output, BY)
+    assert b"alice" not in output.read_bytes()
+    assert counted.dropped == 2
+    new = read_context(open_recording(output))
+    assert new.start_unix_s == pytest.approx(1_700_000_000.0 - 7 * WEEK_S)
+    assert new.gps[0].latitude_deg[0] == pytest.approx(NEW.latitude_deg, abs=1e-6)
