@@ -68,7 +68,7 @@ MAX_PREAMBLE = 64
 # Bytes that are followed together, or one by one where that fails.
 STRETCH, SINGLY = 1 << 20, 1 << 9
 # Of a log that is read piece by piece.
-PIECE_BYTES = 1 << 23
+PIECE_BYTES = 1 << 21
 LARGEST = 2.0**62
 
 
