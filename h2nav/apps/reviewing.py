@@ -29,6 +29,9 @@ from h2nav.service.service import Service
 
 Progress = Callable[[int, int], object]
 
+# A note of a review: of so many samples.
+UNSMOOTHED = "samples without a smoothed attitude, because its arithmetic failed"
+
 
 class Reviewed(NamedTuple):
     """The parts of a review."""
@@ -65,7 +68,11 @@ def _reviewed(
     flight = flight._replace(earlier=wished.earlier)
     del source  # it may hold half of the memory
     if smooths and heard is not None:
-        flight = flight._replace(smoothed=_smoothed(*heard))
+        failed: list[int] = []
+        flight = flight._replace(smoothed=_smoothed(*heard, left_out=failed.append))
+        if failed:
+            notes = flight.context.notes | {UNSMOOTHED: sum(failed)}
+            flight = flight._replace(context=flight.context._replace(notes=notes))
     return Reviewed(flight, analyse(flight)), heard
 
 
@@ -219,9 +226,15 @@ def _why_none(context: Context, reason: str) -> str:
 
 
 def _smoothed(
-    listener: Listener, filters: FilterFactory, start_ns: int, *, with_field: bool = True
+    listener: Listener,
+    filters: FilterFactory,
+    start_ns: int,
+    *,
+    with_field: bool = True,
+    left_out: Callable[[int], object] = lambda count: None,
 ) -> Estimates | None:
     rows = EstimateRows()
-    for t_ns, estimate in smoothed(listener, filters.filter_for, with_field=with_field):
+    found = smoothed(listener, filters.filter_for, with_field=with_field, left_out=left_out)
+    for t_ns, estimate in found:
         rows.add((t_ns - start_ns) * 1e-9, estimate)
     return rows.estimates()

@@ -41,6 +41,8 @@ LEAST_SIGMA_RAD = 1e-3
 # A heading is tied to north for this long after the run said so; some say so only with a field.
 REFERENCED_US = 1_000_000
 
+# Of arithmetic: the root of a negative variance is a ValueError.
+_FAILURES = (ArithmeticError, ValueError)
 # As numbers: an operation on an IntFlag costs more than the rest of a test.
 _CONVERGED, _RESTARTED = int(Trust.CONVERGED), int(Trust.RESTARTED)
 _REFERENCED, _REST = int(Trust.YAW_REFERENCED), int(Trust.REST)
@@ -211,16 +213,21 @@ def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeE
     return [list(itertools.islice(found, len(given.samples))) for given in stretches]
 
 
-def smoothed(stretches: Iterable[Given], make: FilterMaker) -> Iterator[AttitudeEstimate | None]:
+def smoothed(
+    stretches: Iterable[Given],
+    make: FilterMaker,
+    left_out: Callable[[int], object] = lambda count: None,
+) -> Iterator[AttitudeEstimate | None]:
     """Yields the smoothed estimate of every sample of every stretch.
 
-    It is None where neither direction has an estimate: in stretches too short to align in. The
-    heading is the forward run's unless the backward run's is tied to north. As in the service, the
-    attitudes are propagated by the given delay of the rates.
+    It is None where neither direction has an estimate: in stretches too short to align in, and in
+    pieces whose arithmetic fails. The heading is the forward run's unless the backward run's is
+    tied to north. As in the service, the attitudes are propagated by the given delay of the rates.
 
     Args:
         stretches: in order of time; the first run keeps its bias from one to the next.
         make: creates the filter of this vehicle; called for each run.
+        left_out: takes the number of samples of a piece whose arithmetic failed.
 
     Source: docs/filter.md Eq. (42), (50) - (56).
     """
@@ -229,13 +236,26 @@ def smoothed(stretches: Iterable[Given], make: FilterMaker) -> Iterator[Attitude
     for given in stretches:
         first.restart()
         for piece in _pieces(given):
-            ahead = _BiasRun(learnt.bias_b)
-            for known in _known(_run(first, piece)):
-                ahead.add(known)
-            learnt = learnt._replace(bias_b=ahead.shown_b)
-            if isinstance(first, KnowsSensors):
-                learnt = learnt._replace(errors=first.sensor_errors)
-            yield from _led(_smooth_piece(piece, make, learnt), piece.delays)
+            count = len(piece.samples)
+            done = 0
+            try:
+                learnt = _learnt_from(first, piece, learnt)
+                for estimate in _led(_smooth_piece(piece, make, learnt), piece.delays):
+                    done += 1
+                    yield estimate
+            except _FAILURES:
+                first = make()
+                left_out(count - done)
+                yield from itertools.repeat(None, count - done)
+
+
+def _learnt_from(first: AttitudeFilter, piece: _Piece, learnt: _Learnt) -> _Learnt:
+    """What the first run shows."""
+    ahead = _BiasRun(learnt.bias_b)
+    for known in _known(_run(first, piece)):
+        ahead.add(known)
+    errors = first.sensor_errors if isinstance(first, KnowsSensors) else learnt.errors
+    return _Learnt(ahead.shown_b, errors)
 
 
 def _smooth_piece(

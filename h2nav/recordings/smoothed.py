@@ -62,12 +62,14 @@ def smoothed(
     filter_for: Callable[[Identity], AttitudeFilter],
     *,
     with_field: bool = True,
+    left_out: Callable[[int], object] = lambda count: None,
 ) -> Iterator[tuple[int, AttitudeEstimate]]:
     """Yields host time of arrival (ns) and smoothed attitude of each sample that has one.
 
     Args:
         filter_for: creates the filter of a vehicle.
         with_field: False removes the compass.
+        left_out: takes the number of samples of each piece whose arithmetic failed.
     """
     for identity, group in itertools.groupby(listener.stretches, lambda each: each.identity):
         if identity is None:
@@ -75,7 +77,7 @@ def smoothed(
         stretches = list(group)
         given = (Given(_samples(stretch, with_field), stretch.inputs) for stretch in stretches)
         arrived_us = itertools.chain.from_iterable(each.arrived_us for each in stretches)
-        found = smoothing.smoothed(given, functools.partial(filter_for, identity))
+        found = smoothing.smoothed(given, functools.partial(filter_for, identity), left_out)
         for at_us, estimate in zip(arrived_us, found, strict=True):
             if estimate is not None:
                 yield 1000 * at_us, estimate

@@ -318,6 +318,30 @@ def test_what_is_too_short_has_no_estimate() -> None:
     assert all(each is None or math.isfinite(sum(each.q_nb)) for each in short)
 
 
+def test_a_piece_whose_arithmetic_fails_is_left_out_and_told() -> None:
+    """The second of three pieces; its filter meets the root of a negative variance."""
+    flight = fly(slow, 30.0, 9)
+    rows = [*range(800), *range(1100, 1900), *range(2200, 3000)]
+    samples = [flight.samples[row] for row in rows]
+    broken_us = (samples[900].t_us, samples[901].t_us)
+
+    class Failing(VelocityAidedFilter):
+        def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+            if broken_us[0] <= sample.t_us <= broken_us[1]:
+                math.sqrt(-1.0)
+            return super().update(sample)
+
+    told: list[int] = []
+    found = list(
+        smoothing.smoothed([Given(samples, TOLD)], lambda: Failing(_MULTIROTOR), told.append)
+    )
+    assert told == [800]
+    assert found[800:1600] == [None] * 800
+    kept = [row for row in range(2400) if not 800 <= row < 1600]
+    q_nb = [flight.q_nb[rows[row]] for row in kept]
+    assert worst(tilt_deg, [found[row] for row in kept], q_nb) < 2.0
+
+
 def test_bad_samples_never_make_a_nan() -> None:
     flight = fly(slow, 20.0, 11)
     samples = list(flight.samples)
