@@ -60,7 +60,9 @@ def test_too_short_a_flight_fails_and_says_why(tmp_path):
     done = demo("--seconds", "0.01", "--log-dir", str(tmp_path), "--json")
     assert done.returncode == 1
     assert json.loads(done.stdout)["ok"] is False
-    assert "no_autopilot" in done.stderr.splitlines()[-1]
+    # No byte has arrived, or no heartbeat: how far it came is the machine's.
+    why = done.stderr.splitlines()[-1]
+    assert any(f"the service is {state} " in why for state in ("no_link", "no_autopilot"))
 
 
 @pytest.mark.parametrize("words", [["--seconds", "-1"], ["--seconds", "nan"], ["--scenario", "x"]])
