@@ -165,6 +165,7 @@ FINDINGS = (
         244.0, 362.0, 14.0, "deg",
         "autopilot heading off 14 deg, GPS backs us",
         "heading of ATTITUDE differs by 14 deg since 118 s; GPS velocity agrees with h2nav",
+        backs_us=True,
     ),
     Finding(
         Kind.VIBRATION_LINE, Sensor(SensorKind.IMU, 1), Severity.INFO, 20.0, 590.0, 0.4, "rad/s",

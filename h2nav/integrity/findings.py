@@ -78,6 +78,7 @@ class Alarm(NamedTuple):
     since_s: float = 0.0  # its duration, s
     is_decided: bool = False  # the evidence shows the subject
     part: str = ""  # of the sensor, such as ``gyro z``; empty for the whole
+    backs_us: bool | None = None  # see `Finding`
 
     @property
     def notice(self) -> str:
@@ -106,6 +107,8 @@ class Finding(NamedTuple):
     id: str = ""  # stable within a run; empty before it has been given
     is_open: bool = False  # it has not ended
     cause: str | None = None  # `id` of the finding that it follows from; None if none
+    # where two attitudes differ, whether a third witness confirms ours; None if none decides
+    backs_us: bool | None = None
 
     @property
     def source(self) -> str:
@@ -147,10 +150,10 @@ class _Entry:
     )
 
     def __init__(self, t_s: float, alarm: Alarm, identity: str) -> None:
-        kind, sensor, severity, size, unit, text, evidence, _, since_s, is_decided, _ = alarm
+        kind, sensor, severity, size, unit, text, evidence, _, since_s, is_decided, _, _ = alarm
         self.finding = Finding(
             kind, sensor, severity, t_s - since_s, t_s, size, unit, text, evidence, identity, True
-        )
+        )._replace(backs_us=alarm.backs_us)
         self._held_s, self._evidence = since_s, evidence
         self._shown = is_decided, size  # of the present text and evidence
         self._reported_s, self._reported_size, self._is_renewed = t_s, size, False
@@ -168,7 +171,7 @@ class _Entry:
         if shown > self._shown:
             self._is_renewed |= shown[0] > self._shown[0]
             self._shown, self._evidence = shown, alarm.evidence
-            self.finding = self.finding._replace(text=alarm.text)
+            self.finding = self.finding._replace(text=alarm.text, backs_us=alarm.backs_us)
         self.finding = self.finding._replace(evidence=self._evidence + self._share)
 
     @property

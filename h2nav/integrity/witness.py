@@ -129,18 +129,21 @@ class _Disagreement:
     def _alarm_of(self, size_deg: float, since_s: float, verdict: VelocityVerdict) -> Alarm:
         source, part = self._source, self._part
         size = f"{size_deg:.0f} deg"
-        text, whom = {
+        text, whom, backs_us = {
             VelocityVerdict.H2NAV: (
                 f"{source.value} {part} off {size}, GPS backs us",
                 "GPS velocity agrees with h2nav",
+                True,
             ),
             VelocityVerdict.AUTOPILOT: (
                 f"our {part} off {size}, GPS backs {source.value}",
                 "GPS velocity agrees with the autopilot",
+                False,
             ),
             VelocityVerdict.UNDECIDED: (
                 f"{source.value} {part} differs by {size}",
                 "no GPS velocity shows who is right",
+                None,
             ),
         }[verdict]
         is_main = source is AttitudeSource.AUTOPILOT
@@ -156,7 +159,8 @@ class _Disagreement:
             # Two that are independent of us agree against us.
             degrades=is_main and verdict is VelocityVerdict.AUTOPILOT,
             since_s=since_s,
-            is_decided=verdict is not VelocityVerdict.UNDECIDED,
+            is_decided=backs_us is not None,
+            backs_us=backs_us,
         )
 
 

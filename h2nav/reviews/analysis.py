@@ -3,14 +3,17 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from h2nav.airframes.features import FlightRow
 from h2nav.airframes.trend import Departure
 from h2nav.integrity.findings import Finding, Kind
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence
-from h2nav.reviews.estimators import misjudged
+from h2nav.reviews.estimators import judged
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact
+from h2nav.reviews.receiver import delay_of
 from h2nav.reviews.receiver_fit import fits
 from h2nav.reviews.standstill import Rest, bias_at_rest
 from h2nav.reviews.subjects import SUBJECTS, compass, past, receiver, timing, vibration
@@ -46,6 +49,8 @@ class Analysis(NamedTuple):
     # ids of findings in flight that blame autopilot or receiver where h2nav's own attitude is
     # wrong
     misjudged: frozenset[str] = frozenset()
+    # id of a finding in flight -> as the whole flight shows it
+    judged: dict[str, Finding] = {}  # noqa: RUF012 - never changed
     # what is remembered of the flight, and what in it left the airframe's own past
     row: FlightRow = FlightRow("", "", math.nan, {})
     trends: tuple[Departure, ...] = ()
@@ -76,6 +81,14 @@ def analyse(flight: Flight) -> Analysis:
 def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
     """The analysis with what needs times of arrival."""
     looked = evidence.of(compass.compasses)
+    track = evidence.of(parts.witness) or evidence.of(parts.soundest)
+    shown = judged(
+        evidence.of(parts.unharmed),
+        track,
+        evidence.of(parts.best),
+        parts.at_rest(evidence, track),
+        evidence.flight.findings,
+    )
     return analysis._replace(
         fields=tuple(field for field, _, _ in looked if field is not None),
         compasses=tuple(fit for _, fit, _ in looked if fit is not None),
@@ -83,20 +96,23 @@ def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
         receivers=tuple(shown for shown, _ in evidence.of(receiver.receivers)),
         impacts=evidence.of(parts.blows),
         rests=evidence.of(parts.rests),
-        misjudged=frozenset(one.id for one in _misjudged(evidence)),
+        misjudged=frozenset(
+            (
+                *(one.id for one in _acquitted(evidence)),
+                *(one.id for one in shown if not one.backs_us),
+            )
+        ),
+        judged={one.id: one for one in (*shown, *evidence.of(compass.judged))},
     )
 
 
-def _misjudged(evidence: FlightEvidence) -> list[Finding]:
-    """Findings in flight that blame the autopilot or the receiver where our attitude is wrong."""
-    in_flight, context = evidence.flight.findings, evidence.of(parts.unharmed)
+def _acquitted(evidence: FlightEvidence) -> list[Finding]:
+    """Velocities flagged in flight that fit with another heading of ours."""
     track = evidence.of(parts.witness) or evidence.of(parts.soundest)
-    best = evidence.of(parts.best)
-    rest, moves = parts.at_rest(evidence, track), evidence.of(parts.moves)
-    found = list(misjudged(context, track, best, rest, in_flight))
+    best, moves = evidence.of(parts.best), evidence.of(parts.moves)
     if track is None or best is None or moves is None or len(moves.t_s) < 2:
-        return found
-    # Velocities flagged in flight that fit with another heading of ours.
-    flagged = [one for one in in_flight if one.kind is Kind.GPS_VELOCITY]
-    bias = bias_at_rest(rest)
-    return found + [one for one in flagged if fits(one, moves, track, best, bias, 0.0)]
+        return []
+    flagged = [one for one in evidence.flight.findings if one.kind is Kind.GPS_VELOCITY]
+    bias = bias_at_rest(parts.at_rest(evidence, track))
+    lag_s = np.nan_to_num(delay_of(moves, track, best)) if flagged else 0.0
+    return [one for one in flagged if fits(one, moves, track, best, bias, float(lag_s))]

@@ -24,6 +24,15 @@ AFTER_IMPACT_S = 10.0
 # A loss of control this shortly before an impact causes it.
 CONTROL_LEADS_S, SENSOR_LEADS_S = 12.0, 20.0
 SLACK_S = 0.5
+# A vehicle that tumbles, or lies there, shows nothing of its sensors.
+UPSETS = (Kind.CRASH, Kind.MOTOR_FAILED, Kind.LOSS_OF_CONTROL)
+MEASURING = (
+    SensorKind.IMU,
+    SensorKind.GYRO,
+    SensorKind.COMPASS,
+    SensorKind.GPS,
+    SensorKind.BAROMETER,
+)
 # A larger gyro error leads every attitude astray (deg/s).
 LEADS_ASTRAY_DEG_S = 5.0
 
@@ -42,10 +51,13 @@ def chain(flight: Flight, analysis: Analysis) -> Chain:
     linked = [_linked(one, found, crashes) for one in found]
     own = frozenset(one.id for one in linked if _is_own(one, linked, analysis))
     biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
+    upset = {one.id for one in found if one.kind in UPSETS}
     shown = [
         # An attitude led astray by a wrong gyro leaves every demand, also on a bench.
         one._replace(severity=max(one.severity, Severity.NOTICE))
-        if one.id in own or (one.kind is Kind.LOSS_OF_CONTROL and one.cause in biased)
+        if one.id in own
+        or (one.kind is Kind.LOSS_OF_CONTROL and one.cause in biased)
+        or (one.cause in upset and one.sensor.kind in MEASURING)
         else one
         for one in linked
     ]
@@ -132,6 +144,9 @@ def _latest(found: Iterable[Finding], kind: AnyKind, t_s: float, lead_s: float) 
         for one in found
         if one.kind == kind and one.from_s <= t_s + SLACK_S and one.to_s >= t_s - lead_s
     ]
+    if kind is Kind.MOTOR_FAILED:
+        # Of several, the first one began it.
+        return min(near, key=lambda one: one.from_s, default=None)
     return max(near, key=lambda one: one.from_s, default=None)
 
 

@@ -18,6 +18,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import select_rows
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Context, ImuTrack, Series
+from h2nav.reviews.compass_motors import Strength, strength_by_throttle
 from h2nav.reviews.flight import EarthFields
 from h2nav.reviews.inertial import Attitudes, Mask, conjugate, means, rotate, thinned, within
 from h2nav.reviews.tracks import CompassFit, FieldTrack
@@ -132,16 +133,37 @@ def look_at_compass(
     usual = min(pieces, key=_strangeness)
     fit = best_fit(usual)
     found = _steps(track.imu, rows, pieces, usual)
-    if fit is not None:
+    by_motors = strength_by_throttle(track, context)
+    if fit is not None and by_motors and _is_of_motors(by_motors, usual):
+        found += _by_current(track.imu, usual, fit, by_motors)
+    elif fit is not None:
         found += _constant(track.imu, usual, fit, context, is_raw=is_raw)
+    if fit is not None:
         found += _motors(track.imu, usual, fit, is_current=context.throttle is None)
     return shown, _sectors(track.imu, usual, fit), found
+
+
+def _is_of_motors(strength: Strength, rows: SentFields) -> bool:
+    """Whether the motors' current, and no iron, makes the strength differ from the earth's."""
+    norm = float(np.median(rows.norm_ut))
+    idle, loaded = abs(strength.idle_ut - norm), abs(strength.loaded_ut - norm)
+    return loaded > USUAL_SHARE * norm and idle < 0.5 * loaded
 
 
 def _strangeness(piece: SentFields) -> tuple[bool, float]:
     """How far the field of a part is from the earth's; short parts do not count."""
     own = np.linalg.norm(piece.m_b_ut - piece.earth_b_ut, axis=1)
     return bool(piece.t_s[-1] - piece.t_s[0] < USUAL_S), float(np.median(own))
+
+
+def strangeness(field: FieldTrack, one: Finding) -> float:
+    """How far strength and dip were from the earth's while a finding lasted, as a share of it."""
+    inside = (field.t_s >= one.from_s) & (field.t_s <= one.to_s)
+    if not inside.any():
+        inside = np.ones(len(field.t_s), dtype=bool)
+    norm = field.norm_ut[inside] / np.maximum(field.model_norm_ut[inside], 1e-9) - 1.0
+    dip = field.dip_rad[inside] - field.model_dip_rad[inside]
+    return float(np.median(np.hypot(norm, dip)))
 
 
 def _in_flight(rows: SentFields, t_s: float) -> bool:
@@ -433,7 +455,7 @@ def _constant(
 
     offset = fit.x[:3]
     turned = math.asin(min(float(np.hypot(*offset[:2])) / level, 1.0))
-    if max(turned, math.atan2(abs(offset[2]), norm)) > HEADING_TOLD_RAD and fit.is_sure(0, 3):
+    if _is_large(fit, rows):
         x, y, z = offset * MG_PER_UT
         size = float(np.linalg.norm(offset)) * MG_PER_UT
         text = f"hard iron of {size:.0f} mG all along"
@@ -453,6 +475,39 @@ def _constant(
         text = f"field is {scale:+.0%} against the earth's"
         report(Kind.COMPASS_SCALE, 100.0 * abs(scale), "%", text, "the same in all headings")
     return found
+
+
+def _is_large(fit: Fit, rows: SentFields) -> bool:
+    """Whether the offset turns the heading by more than a calibrated compass's, for certain."""
+    norm, offset = float(np.median(rows.norm_ut)), fit.x[:3]
+    level = max(norm * math.cos(float(np.median(rows.dip_rad))), 1.0)
+    turned = math.asin(min(float(np.hypot(*offset[:2])) / level, 1.0))
+    most = max(turned, math.atan2(abs(offset[2]), norm))
+    return most > HEADING_TOLD_RAD and fit.is_sure(0, 3)
+
+
+def _by_current(compass: int, rows: SentFields, fit: Fit, strength: Strength) -> list[Finding]:
+    """An offset in flight alone: no parameter for iron mends what the motors' current makes."""
+    if not _is_large(fit, rows):
+        return []
+    x, y, z = fit.x[:3] * MG_PER_UT
+    size = float(np.linalg.norm(fit.x[:3])) * MG_PER_UT
+    return [
+        Finding(
+            Kind.COMPASS_MOTORS,
+            Sensor(SensorKind.COMPASS, compass + 1),
+            Severity.WARNING,
+            float(rows.t_s[0]),
+            float(rows.t_s[-1]),
+            size,
+            "mG",
+            f"motors change the field by {size:.0f} mG in flight",
+            f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down by strength and dip; its "
+            f"strength is {strength.idle_ut * MG_PER_UT:.0f} mG without load and "
+            f"{strength.loaded_ut * MG_PER_UT:.0f} mG in flight, the earth's "
+            f"{float(np.median(rows.norm_ut)) * MG_PER_UT:.0f} mG",
+        )
+    ]
 
 
 def _has_turned(rows: SentFields) -> bool:

@@ -61,6 +61,7 @@ class Declared(NamedTuple):
     section: str = "timeline"  # of the page, with its pictures
     follows: tuple[AnyKind, ...] = ()  # sensors that were wrong, each an explanation of it
     brought: tuple[Brought, ...] = ()  # events that cause it, most certain first
+    void: tuple[AnyKind, ...] = ()  # while one of these lasts, its evidence shows nothing
     traits: Trait = Trait.NONE
     shown_by: str = ""  # for docs/review-findings.md: the evidence
     limit: str = ""  # likewise: from which size on

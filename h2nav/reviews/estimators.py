@@ -44,12 +44,14 @@ LASTING_S = 5.0
 GATE = 3.0
 OWN_TILT_RAD, OWN_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
 BEYOND_FOR_S = 15.0
+# A heading this far from ours may be called wrong: three deviations of both.
+CONVICTED_HEADING_RAD = 8.0 * DEG
 GRID_S = 0.1
-# The check in flight has decided by the receiver's velocity (`integrity.witness`).
-DECIDED_FOR_US = "backs us"
 # Velocities decide if they fit one attitude this much better.
 BETTER = 0.8
 WINDOW_S = 2.0
+# And only if it does fit: with an attitude that is right, this is left over a window.
+FITS_M_S = 1.0
 
 
 class _Phrase(NamedTuple):
@@ -371,25 +373,28 @@ def _beyond(
         for piece in pieces:
             if any(f.from_s <= piece.to_s and piece.from_s <= f.to_s for f in known):
                 continue
-            verdict, is_ours = _whose(context, imu, own, best, rest, piece)
+            verdict, is_ours, theirs_rad = _whose(context, imu, own, best, rest, piece)
             shown_as = piece._replace(evidence=f"{piece.evidence}; {verdict}")
             if is_ours:
-                text = f"the autopilot's {part} is off by {piece.size:.0f} deg"
-                shown_as = shown_as._replace(severity=Severity.WARNING, text=text)
+                size = float(np.fmin(piece.size, theirs_rad / DEG))
+                text = f"the autopilot's {part} is off by {size:.0f} deg"
+                shown_as = shown_as._replace(severity=Severity.WARNING, text=text, size=size)
             found.append(shown_as)
     return found
 
 
-def misjudged(
+def judged(
     context: Context,
     imu: ImuTrack | None,
     best: Attitudes | None,
     rest: Rest,
     in_flight: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
-    """Findings in flight that blame the autopilot's attitude where ours is wrong, or may be.
+    """Findings in flight about the autopilot's attitude, with what the whole flight decides.
 
-    Without a witness it is two attitudes that differ, and no fault of the vehicle.
+    `backs_us` is True only where gravity at rest or the receiver's velocity confirms ours, and no
+    check in flight confirmed the autopilot's. Without a witness it is two attitudes that differ,
+    and no fault of the vehicle.
 
     Args:
         context: its attitudes and receivers.
@@ -405,10 +410,37 @@ def misjudged(
     for one in in_flight:
         if one.kind not in of_autopilot:
             continue
-        is_ours = _whose(context, imu, own, best, rest, one)[1]
-        if is_ours is False or (is_ours is None and DECIDED_FOR_US not in one.text):
-            found.append(one)
+        words, is_ours, theirs_rad = _whose(context, imu, own, best, rest, one)
+        if is_ours is None:
+            found.append(one._replace(backs_us=one.backs_us or None))
+        elif is_ours and not one.backs_us:
+            found.append(_convicted(one, own, best, words, theirs_rad))
+        else:
+            found.append(one._replace(backs_us=is_ours, evidence=f"{one.evidence}; {words}"))
     return tuple(found)
+
+
+def _convicted(
+    one: Finding, own: Attitudes, best: Attitudes, words: str, theirs_rad: float
+) -> Finding:
+    """The finding that the check in flight could not decide, or not by the best attitude.
+
+    Undecided where the best attitude is not far from the autopilot's.
+
+    Args:
+        theirs_rad: error of the autopilot's tilt that gravity at rest shows; NaN without.
+    """
+    t_s = np.arange(one.from_s, max(one.to_s, one.from_s + GRID_S), GRID_S)
+    is_tilt = one.kind is Kind.AUTOPILOT_TILT
+    apart = _parts(own.at(t_s), best.at(t_s))[0 if is_tilt else 1]
+    known = apart[np.isfinite(apart)]
+    size_rad = float(np.quantile(known, 0.9)) if len(known) else 0.0
+    size_rad = float(np.fmin(size_rad, theirs_rad))
+    if size_rad < (RESET_RAD if is_tilt else CONVICTED_HEADING_RAD):
+        return one._replace(backs_us=None)
+    size = size_rad / DEG
+    text = f"the autopilot's {'tilt' if is_tilt else 'heading'} is off by {size:.0f} deg"
+    return one._replace(backs_us=True, size=size, text=text, evidence=words)
 
 
 def _whose(
@@ -418,8 +450,11 @@ def _whose(
     best: Attitudes,
     rest: Rest,
     finding: Finding,
-) -> tuple[str, bool | None]:
-    """Whether gravity at rest, or the receiver's velocity, confirms ours; None if undecided."""
+) -> tuple[str, bool | None, float]:
+    """Whether gravity at rest, or the receiver's velocity, confirms ours; None if undecided.
+
+    The last value is the error of the autopilot's tilt that gravity shows, rad; NaN without.
+    """
     if finding.kind is Kind.AUTOPILOT_TILT:
         inside = (rest.t_s >= finding.from_s) & (rest.t_s <= finding.to_s)
         theirs, ours = (tilt_at_rest(rest.part(inside), one) for one in (own, best))
@@ -428,8 +463,8 @@ def _whose(
                 f"gravity at rest is {ours / DEG:.0f} deg from ours and {theirs / DEG:.0f} deg "
                 "from the autopilot's"
             )
-            return words, ours < theirs
-    return _verdict(context, imu, own, best, (finding.from_s, finding.to_s))
+            return words, ours < theirs, theirs
+    return *_verdict(context, imu, own, best, (finding.from_s, finding.to_s)), math.nan
 
 
 def _lasting(t_s: Array, apart: Array, is_so: Mask, least_s: float, like: Finding) -> list[Finding]:
@@ -474,7 +509,8 @@ def _verdict(
         inertial = velocity.between(at_s[first], at_s[late[first]])[:, :2]
         rest.append(float(np.sqrt(np.nanmean((change - inertial) ** 2))))
     theirs, ours = rest
-    if min(theirs, ours) > BETTER * max(theirs, ours) or not all(map(math.isfinite, rest)):
+    is_clear = min(theirs, ours) < min(BETTER * max(theirs, ours), FITS_M_S)
+    if not is_clear or not all(map(math.isfinite, rest)):
         return "the receiver's velocity does not show who is right", None
     right = "ours" if ours < theirs else "the autopilot's"
     words = (

@@ -4,7 +4,7 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
 from h2nav.maths.rows import select_rows
-from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, Span
+from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, Series, Span
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
@@ -27,6 +27,10 @@ WITHOUT_TIMES = "bytes"
 # Attitudes are not judged while the vehicle turns over on its way to the ground.
 BEFORE_IMPACT_S = 2.0
 FLOWN_S = 2.0
+# On the ground a barometer varies by this much with noise and the wash of propellers.
+LIFTED_M, FEWEST_HEIGHTS = 1.5, 10
+# Slower samples alias a vibration into steps of a bias.
+STEADY_HZ = 45.0
 # Filters smear an impact over the values just before it.
 JUST_BEFORE_S = 0.3
 
@@ -158,6 +162,33 @@ def flown(evidence: FlightEvidence) -> bool:
     return float(in_flight(found, evidence.of(recorded), ()).sum()) * BIN_S >= FLOWN_S
 
 
+def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
+    """Armed spans without those that began on the ground and stayed there, by the barometer."""
+    context, found = evidence.of(recorded), evidence.of(bins)
+    height = context.baro_height_m
+    if found is None or height is None or len(height.t_s) < FEWEST_HEIGHTS:
+        return context.armed
+    return tuple(
+        span for span in context.armed if not _stays(height, span) or _begins_aloft(found, span)
+    )
+
+
+def _begins_aloft(found: Bins, span: Span) -> bool:
+    """Whether the log begins in this span, and its motors carry it then."""
+    if span.from_s > found.t_s[0] + FLOWN_S:
+        return False
+    first = (found.t_s >= span.from_s) & (found.t_s < span.from_s + FLOWN_S)
+    return not np.median(found.driven[first]) <= found.flying
+
+
+def _stays(height: Series, span: Span) -> bool:
+    inside = (height.t_s >= span.from_s) & (height.t_s <= span.to_s) & np.isfinite(height.values)
+    if inside.sum() < FEWEST_HEIGHTS:
+        return True
+    low, high = np.quantile(height.values[inside], (0.02, 0.98))
+    return bool(high - low < LIFTED_M)
+
+
 def crashes(evidence: FlightEvidence) -> list[Impact]:
     """The crashes among them."""
     return [blow for blow in evidence.of(blows) if blow.is_crash]
@@ -175,7 +206,7 @@ def in_order(evidence: FlightEvidence) -> Context:
     context, found = evidence.of(unharmed), evidence.of(bins)
     if found is None:
         return context
-    lost = look_at_motors(found, evidence.of(recorded), evidence.of(crashes))
+    lost = look_at_motors(found, evidence.of(recorded), evidence.of(crashes), evidence.of(lifted))
     failed = [one.from_s for one in lost if one.kind is Kind.MOTOR_FAILED]
     if not failed:
         return context
@@ -216,7 +247,7 @@ def moves(evidence: FlightEvidence) -> Moves | None:
 def force_steps(evidence: FlightEvidence) -> list[Finding]:
     """Accelerometers whose bias jumps against the first receiver."""
     velocities, attitude = evidence.of(moves), evidence.of(best)
-    if velocities is None or attitude is None:
+    if velocities is None or attitude is None or evidence.of(rate_hz) < STEADY_HZ:
         return []
     lag_s = delay_of(velocities, evidence.of(soundest), attitude)
     armed, found = evidence.of(unharmed).armed, evidence.of(biases)[0]

@@ -51,6 +51,8 @@ SCALE_SIGMA = 0.01  # of a gyro
 LONGEST_PAUSE_S = 1.5
 # When all IMUs jump alike, the receiver is wrong, or the vehicle was struck.
 ALIKE_SHARE = 0.5
+# Of the jump, by another IMU at the same time, whatever its direction.
+TOGETHER_SHARE = 0.5
 
 
 def look_at_force_steps(
@@ -82,7 +84,17 @@ def look_at_force_steps(
         others = [other for i, (other, _) in enumerate(looked) if i != place]
         for other in others:
             size[np.linalg.norm(own - other, axis=1) < ALIKE_SHARE * size] = 0.0
+            # Two that jump at once, however, have been compared with something that jumped.
+            size[_around(np.linalg.norm(other, axis=1)) > TOGETHER_SHARE * size] = 0.0
         found += _findings(tracks[place].imu, at_s, own, size, is_alone=not others)
+    return found
+
+
+def _around(size: Array) -> Array:
+    """(N,) the largest within the reach of a window."""
+    half = round(REACH_S / EVERY_S)
+    wide = np.pad(np.nan_to_num(size), half)
+    found: Array = np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1).max(axis=1)
     return found
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable
 
-from h2nav.integrity.findings import Finding, Kind, next_id
+from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity, next_id
 from h2nav.reviews.analysis import Analysis
+from h2nav.reviews.declared import Trait
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.subjects import KINDS
 
 # Findings of sensors of one kind within this time, and of similar size, are merged.
 SAME_TIME_S, SAME_SHARE = 2.0, 0.25
@@ -17,14 +19,61 @@ def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
     """
     without_fix = [one for one in analysis.findings if one.kind is Kind.GPS_LOST]
     live = [
-        one
+        analysis.judged.get(one.id, one)
         for one in flight.findings
         if one.kind is not Kind.VELOCITY_LOST
         or not any(_overlap(one, other) for other in without_fix)
     ]
-    both = identified(merged((*live, *dict.fromkeys(analysis.findings))))
-    found = sorted(both, key=lambda one: (one.severity, one.from_s, one.kind))
-    return tuple(found)
+    both = _valid(_continued([*live, *dict.fromkeys(analysis.findings)]))
+    found = identified(merged(both))
+    return tuple(sorted(found, key=lambda one: (one.severity, one.from_s, one.kind)))
+
+
+def _valid(findings: list[Finding]) -> list[Finding]:
+    """Those whose evidence no other finding takes away."""
+    serious = [one for one in findings if one.severity <= Severity.WARNING]
+    return [
+        one
+        for one in findings
+        if not any(
+            other.kind in KINDS[one.kind].void and _lasts(other, one) and _concerns(other, one)
+            for other in serious
+        )
+    ]
+
+
+def _lasts(other: Finding, one: Finding) -> bool:
+    return Trait.INDEPENDENT in KINDS[other.kind].traits or _overlap(one, other)
+
+
+def _concerns(other: Finding, one: Finding) -> bool:
+    """Whether both are about the same sensor, or about sensors that are not numbered alike."""
+    kinds = {SensorKind.IMU, SensorKind.GYRO, SensorKind.COMPASS}
+    numbers = set(one.sensor.numbers), set(other.sensor.numbers)
+    is_numbered = {one.sensor.kind, other.sensor.kind} <= kinds and all(numbers)
+    return not is_numbered or bool(numbers[0] & numbers[1])
+
+
+def _continued(findings: list[Finding]) -> list[Finding]:
+    """The checks in flight see a vibration late: it is the one that the whole flight shows."""
+    found: list[Finding] = []
+    for one in sorted(findings, key=lambda one: one.from_s):
+        place = next((i for i, other in enumerate(found) if _continues(one, other)), None)
+        if place is None:
+            found.append(one)
+            continue
+        first = found[place]
+        found[place] = first._replace(
+            severity=min(first.severity, one.severity),
+            to_s=max(first.to_s, one.to_s),
+            evidence=f"{first.evidence}; {one.text}: {one.evidence}",
+        )
+    return found
+
+
+def _continues(one: Finding, other: Finding) -> bool:
+    is_same = one.kind is other.kind is Kind.VIBRATION and one.sensor == other.sensor
+    return is_same and _overlap(one, other)
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:

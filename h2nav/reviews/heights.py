@@ -4,6 +4,7 @@ The receiver's vertical velocity (Doppler) and its altitude are independent of e
 barometer. Levels are free: only changes are compared.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import FlightKind
-from h2nav.recordings.context import Array, Context
+from h2nav.recordings.context import Array, Context, Span
 from h2nav.reviews.inertial import Mask, joined, runs, within
 from h2nav.reviews.vertical import GRID_S, Climb, on_grid
 
@@ -70,11 +71,17 @@ def _integral(rate: Array) -> Array:
     return found
 
 
-def look_at_heights(known: Heights, context: Context) -> list[Finding]:
-    """A barometer that others contradict, and an estimate that the barometer contradicts."""
+def look_at_heights(known: Heights, context: Context, lifted: Sequence[Span]) -> list[Finding]:
+    """A barometer that others contradict, and an estimate that the barometer contradicts.
+
+    Args:
+        lifted: while it was off the ground; an estimate on the ground flies nothing.
+    """
     flying = within(known.t_s, context.armed)
     wrong = _stepped(known, flying) or _drifted(known, flying)
-    return wrong or _lost(known, flying)
+    # The level is that of the first seconds: nothing is lost in them.
+    later = [span._replace(from_s=span.from_s + LEVELLED_S) for span in lifted]
+    return wrong or _lost(known, flying, within(known.t_s, later))
 
 
 # --- the barometer ------------------------------------------------------------------------------
@@ -173,7 +180,7 @@ def _barometer(from_s: float, to_s: float, size: float, text: str, evidence: str
 # --- the estimate -------------------------------------------------------------------------------
 
 
-def _lost(known: Heights, flying: Mask) -> list[Finding]:
+def _lost(known: Heights, flying: Mask, aloft: Mask) -> list[Finding]:
     """An estimate far from the barometer while the receiver's altitude is near it."""
     apart = _levelled(known.estimate_m - known.barometer_m, flying)
     truth = _levelled(known.altitude_m - known.barometer_m, flying)
@@ -183,7 +190,8 @@ def _lost(known: Heights, flying: Mask) -> list[Finding]:
     with np.errstate(invalid="ignore"):
         runs_away[second:] = np.abs(faster[second:] - faster[:-second]) > LOST_RATE_M_S
     with np.errstate(invalid="ignore"):
-        far = flying & (np.abs(apart) > LOST_M) & (np.abs(truth) < SPREAD_SHARE * np.abs(apart))
+        far = flying & aloft & (np.abs(apart) > LOST_M)
+        far &= np.abs(truth) < SPREAD_SHARE * np.abs(apart)
     for first, last in joined(runs(far), known.t_s, LEVELLED_S):
         began = max(first - round(LEVELLED_S / GRID_S), 0)
         is_long = float(far[first : last + 1].sum()) * GRID_S >= LOST_S

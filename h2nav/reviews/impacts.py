@@ -448,7 +448,8 @@ def _finding(impact: Impact) -> Finding:
     size = f"{impact.peak_g:.1f} g"
     if np.isfinite(impact.speed_m_s):
         size = f"at {impact.speed_m_s:.1f} m/s, {size}"
-        lay = f"{' and '.join(impact.shown_by)} show the descent until then; {lay}"
+        show = "shows" if len(impact.shown_by) == 1 else "show"
+        lay = f"{' and '.join(impact.shown_by)} {show} the descent until then; {lay}"
     text = f"{'crashed' if impact.is_crash else 'landed hard'}: {size}"
     return Finding(
         Kind.CRASH if impact.is_crash else Kind.HARD_LANDING,

@@ -14,9 +14,9 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
-from h2nav.recordings.context import Array, ChangedSetting, Context, Motors
+from h2nav.recordings.context import Array, ChangedSetting, Context, Motors, Span
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
-from h2nav.reviews.inertial import Mask, joined, runs
+from h2nav.reviews.inertial import Mask, joined, runs, within
 from h2nav.reviews.vertical import Climb, climbs
 
 # Level flight, where the outputs are steady: this much of it in total.
@@ -27,6 +27,9 @@ FEWEST_BINS = 150
 # the centre. In each part of the flight it is at least half as large.
 UNEVEN_US, ALONE_US, OTHERS_SHARE, LASTS_SHARE = 40.0, 30.0, 1.15, 0.5
 PARTS = 3
+# Of a weak motor alone, the others work a third less each; of a load off the centre, the one across
+# as much less.
+PAIR_SHARE = 0.8
 # At the limit: this near to it, for this long. A second of it is more than a gust.
 LIMIT_SHARE, LIMIT_S, LONG_LIMIT_S, LEADS_S = 0.985, 0.5, 1.0, 10.0
 # A motor without thrust alone receives full output within this time, while the vehicle turns
@@ -50,13 +53,16 @@ class MotorOutputs(NamedTuple):
     flies: Mask  # (N,) the motors carry it, before any impact
 
 
-def look_at_motors(bins: Bins, context: Context, impacts: Sequence[Impact]) -> list[Finding]:
+def look_at_motors(
+    bins: Bins, context: Context, impacts: Sequence[Impact], lifted: Sequence[Span]
+) -> list[Finding]:
     """Analyses the outputs of a multirotor.
 
     Args:
         bins: of the soundest IMU.
         context: outputs, armed state, parameters and texts of the autopilot.
         impacts: crashes; outputs after one are ignored.
+        lifted: while it was off the ground; elsewhere the outputs fight the ground.
     """
     motors = context.motors
     if motors is None or len(motors.t_s) < 2 or not len(bins.t_s):
@@ -65,9 +71,10 @@ def look_at_motors(bins: Bins, context: Context, impacts: Sequence[Impact]) -> l
     failed = _failed(outputs, motors, context)
     numbers = {finding.sensor.number for finding in failed}
     since_s = min((finding.from_s for finding in failed), default=np.inf)
-    sound = outputs._replace(flies=outputs.flies & (bins.t_s < since_s))
+    aloft = outputs._replace(flies=outputs.flies & within(bins.t_s, lifted))
+    sound = aloft._replace(flies=aloft.flies & (bins.t_s < since_s))
     uneven = [one for one in _uneven(sound, motors) if one.sensor.number not in numbers]
-    return [*failed, *uneven, *_saturated(outputs, motors, failed, impacts)]
+    return [*failed, *uneven, *_saturated(aloft, motors, failed, impacts)]
 
 
 def _outputs(
@@ -89,6 +96,7 @@ class Beyond(NamedTuple):
     own: Array  # (k,) microseconds, of the level flight as a whole
     t_s: Array  # (N,) times of level flight
     left: Array  # (N, k) microseconds, over time
+    raw: Array  # (k,) the same mean as recorded, with wind and motion
 
 
 def outputs_beyond_others(
@@ -121,7 +129,7 @@ def _beyond(outputs: MotorOutputs, count: int) -> Beyond | None:
     )
     rows = np.column_stack((np.ones(len(causes)), causes))
     fitted = np.linalg.lstsq(rows, apart, rcond=None)[0]
-    return Beyond(fitted[0], bins.t_s[level], apart - causes @ fitted[1:])
+    return Beyond(fitted[0], bins.t_s[level], apart - causes @ fitted[1:], apart.mean(axis=0))
 
 
 def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
@@ -133,6 +141,9 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     motor = int(np.argmax(own))
     others = np.delete(own, motor)
     if own[motor] < UNEVEN_US or own[motor] - others.max() < ALONE_US:
+        return []
+    if motor != int(np.argmax(beyond.raw)):
+        # What is taken out would be more than what is left.
         return []
     if np.ptp(others) > OTHERS_SHARE * own[motor]:
         return []
@@ -146,18 +157,21 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     number, size = motors.numbers[motor], float(own[motor])
     since = "in the whole flight" if lasts[0] else f"since {from_s:.0f} s"
     shown = ", ".join(f"{n}: {value:+.0f}" for n, value in zip(motors.numbers, own, strict=True))
+    severity = Severity.ERROR if size > 100.0 else Severity.WARNING
+    why = "a weak motor, a damaged propeller, or a load off the centre"
+    if -others.min() > PAIR_SHARE * size:
+        severity, why = Severity.NOTICE, "a pair that mirrors each other: a load off the centre"
     return [
         Finding(
             Kind.MOTOR_IMBALANCE,
             Sensor(SensorKind.MOTOR, number),
-            Severity.ERROR if size > 100.0 else Severity.WARNING,
+            severity,
             float(from_s),
             float(at_s[-1]),
             size,
             "us",
             f"motor {number} works {size:.0f} us harder than the others",
-            f"{since}, with wind and motion taken out; of each motor ({shown}) us: a weak motor, "
-            "a damaged propeller, or a load off the centre",
+            f"{since}, with wind and motion taken out; of each motor ({shown}) us: {why}",
         )
     ]
 

@@ -17,6 +17,7 @@ from h2nav.reviews.inertial import (
     VelocityTrack,
     inertial_velocity,
     joined,
+    means,
     runs,
     thinned,
     within,
@@ -36,6 +37,8 @@ LEAST_SIGMA_M_S, UNKNOWN_SIGMA_M_S = 0.3, 0.5
 # Accelerometers' zero-g output (BMI088, ICM-42688-P) and a tilt known to 0.5 deg.
 FORCE_SIGMA_M_S2 = 0.020 * GRAVITY_M_S2
 TILT_SIGMA_RAD = 0.5 * DEG
+# Seconds over which a flight is carried by gravity's force, less what a descent takes for a while.
+FORCE_WINDOW_S, FORCE_SLACK_M_S2 = 3.0, 1.0
 # Fixes are read and sent at intervals: each may be older than usual by half an interval.
 LARGEST_JITTER_S = 0.25
 LASTING_S = 1.5
@@ -98,7 +101,8 @@ def look_at_receiver(
         lag_s = lag_of(moves, velocity)
         found += _lag_findings(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
         own = 0.0 if math.isnan(lag_s) else lag_s
-        slow = _slow(moves, best, force_error(rest))
+        wrong = max(force_error(rest), _shortfall(track, context))
+        slow = _slow(moves, best, wrong)
         against = _contradictions(sensor, moves, velocity, slow, context, own)
         found += [
             one for one in against if not fits(one, moves, track, best, bias_at_rest(rest), own)
@@ -122,6 +126,23 @@ def delay_of(moves: Moves, track: ImuTrack | None, best: Attitudes) -> float:
     if track is None or len(moves.t_s) <= FEWEST_MOVES:
         return math.nan
     return lag_of(moves, inertial_velocity(track, best.at(track.t_s)))
+
+
+def _shortfall(track: ImuTrack, context: Context) -> float:
+    """By how much the force misses gravity over the flight, m/s^2; a vibration may rectify it.
+
+    What stays in the air is carried: over seconds, its mean force is gravity's or more.
+    """
+    if not context.armed:
+        return 0.0
+    edges = np.arange(context.armed[0].from_s, context.armed[-1].to_s, FORCE_WINDOW_S)
+    if len(edges) < 2:
+        return 0.0
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    size = np.linalg.norm(means(track.t_s, track.f_b, edges), axis=1)
+    size = size[within(middles, context.armed) & np.isfinite(size)]
+    low = float(np.quantile(size, 0.25)) if len(size) else GRAVITY_M_S2
+    return max(GRAVITY_M_S2 - low - FORCE_SLACK_M_S2, 0.0)
 
 
 def _slow(moves: Moves, best: Attitudes, force_m_s2: float) -> Array:

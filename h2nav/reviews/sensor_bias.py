@@ -67,6 +67,8 @@ STILL_RAD = 1.0 * DEG
 STILL_PARTS = 5
 # Effect of slow samples of a vibrating gyro on a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
+# Samples in a window whose mean counts.
+FEWEST_SAMPLES = 50
 # Other findings that show which of two disagreeing IMUs is wrong.
 SHOWN_BY = {
     Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
@@ -341,6 +343,8 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     if len(edges) < FEWEST_WINDOWS + 1:
         return []
     tracks = tuple(track for track in tracks if len(track.t_s) > 1)
+    if any(_is_slow(track) for track in tracks):
+        return []
     gyro = [_whole_means(track.t_s, track.w_b, edges) for track in tracks]
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
     imus = [track.imu + 1 for track in tracks]
@@ -348,6 +352,11 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
         *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, GYRO_APART_RAD_S, known),
         *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, FORCE_APART_M_S2, known),
     ]
+
+
+def _is_slow(track: ImuTrack) -> bool:
+    """Whether a window has so few samples that their mean is that of a vibration's aliases."""
+    return float(np.median(np.diff(track.t_s))) > WINDOW_S / FEWEST_SAMPLES
 
 
 def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:

@@ -5,6 +5,7 @@ those of the whole spectrum. The autopilot's measure at the sensor's own rate is
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,11 +19,35 @@ WINDOW_S = 1.0
 # LogAnalyzer warns of two deviations of 3 m/s^2 across and fails at 5 along the vertical, in hover;
 # for one deviation over all axes, half of that and more.
 STRONG_M_S2, STRONG_S = 5.0, 10.0
-# Begun: this many times the level before, and not small; for this long.
-TIMES, BEGUN_M_S2, BEGUN_S = 3.0, 1.5, 5.0
+# It began where the level left the usual one: this many times, before which it was less.
+LEFT = 1.3
+# Median of the length of a vector of three Gaussian parts, over its rms.
+MEDIAN_OF_RMS = 0.89
 FEWEST_BEFORE = 10
 # Time around an impact that is ignored.
 IMPACT_S = 3.0
+
+# Columns of `deviations`.
+ALL, AXES, TYPICAL = 0, (1, 2, 3), 4
+
+
+class _Growth(NamedTuple):
+    """A form in which a vibration begins."""
+
+    columns: tuple[int, ...]  # of which one suffices
+    times: float  # the usual level before
+    least_m_s2: float  # and at least this
+    lasts_s: float
+    above: float = 0.0  # times the highest level before (95 of 100)
+
+
+# A little is enough if it is much more than before; a single axis, if it is strong. What lasts for
+# two seconds must be in most samples, and above all that was before: a bump is in a few.
+GROWTHS = (
+    _Growth((ALL,), 3.0, 1.5, 5.0),
+    _Growth((ALL, *AXES), 2.5, 3.0, 5.0),
+    _Growth((TYPICAL,), 2.0, 2.5, 2.0, above=1.5),
+)
 
 
 def look_at_shaking(
@@ -38,16 +63,17 @@ def look_at_shaking(
     """
     if context.motors is None or len(track.t_s) < 2:
         return []
-    t_s, size = deviations(track)
+    t_s, sizes = deviations(track)
+    size = sizes[:, 0]
     crashes = [impact for impact in impacts if impact.is_crash]
     place = np.searchsorted(bins.t_s, t_s).clip(max=len(bins.t_s) - 1)
     flies = in_flight(bins, context, crashes)[place] & np.isfinite(size)
     for impact in impacts:
         flies &= ~((t_s > impact.t_s - IMPACT_S) & (t_s < max(impact.to_s, impact.t_s + IMPACT_S)))
-    at_s, size = t_s[flies], size[flies]
+    at_s, sizes = t_s[flies], sizes[flies]
     if len(at_s) < FEWEST_BEFORE:
         return []
-    found = _begun(at_s, size) or _strong(at_s, size)
+    found = _begun(at_s, sizes) or _strong(at_s, sizes[:, 0])
     if found is None:
         return []
     from_s, to_s, now, text, evidence = found
@@ -67,11 +93,19 @@ def look_at_shaking(
 
 
 def deviations(track: ImuTrack) -> tuple[Array, Array]:
-    """(M,) centres of seconds, and (M,) deviation of neighbouring forces, all axes, m/s^2."""
+    """(M,) centres of seconds, and (M, 5) deviation of neighbouring forces, m/s^2.
+
+    Of all axes, x, y and z, as rms; and of all axes by the median, which a bump does not change.
+    """
     edges = np.arange(track.t_s[0], track.t_s[-1] + WINDOW_S, WINDOW_S)
     steps = np.diff(track.f_b, axis=0, prepend=track.f_b[:1]).astype(float)
-    square = means(track.t_s, 0.5 * steps**2, edges).sum(axis=1)
-    return 0.5 * (edges[1:] + edges[:-1]), np.sqrt(square)
+    squares = 0.5 * steps**2
+    square = means(track.t_s, squares, edges)
+    whole = np.sqrt(squares.sum(axis=1)) / MEDIAN_OF_RMS
+    parts = np.split(whole, np.searchsorted(track.t_s, edges[1:-1]))
+    typical = [np.median(part) if len(part) else np.nan for part in parts]
+    sizes = np.column_stack((np.sqrt(square.sum(axis=1)), np.sqrt(square), typical))
+    return 0.5 * (edges[1:] + edges[:-1]), sizes
 
 
 def _strong(at_s: Array, size: Array) -> tuple[float, float, float, str, str] | None:
@@ -90,29 +124,55 @@ def _strong(at_s: Array, size: Array) -> tuple[float, float, float, str, str] | 
     )
 
 
-def _begun(at_s: Array, size: Array) -> tuple[float, float, float, str, str] | None:
-    reach = round(BEGUN_S / WINDOW_S)
+def _begun(at_s: Array, sizes: Array) -> tuple[float, float, float, str, str] | None:
+    """The first growth of any form."""
+    grown = [
+        (place, column, growth)
+        for growth in GROWTHS
+        for column in growth.columns
+        if (place := _grown(sizes[:, column], growth)) is not None
+    ]
+    if not grown:
+        return None
+    place, column, growth = min(grown, key=lambda one: one[0])
+    size = sizes[:, column]
+    usual = float(np.median(size[:place]))
+    now = float(np.median(size[place : place + round(growth.lasts_s / WINDOW_S)]))
+    last = max(last for _, last in runs(size > growth.times * usual))
+    since = np.flatnonzero(_levels(size, growth.lasts_s)[: place + 1] < LEFT * usual)
+    first = int(since[-1]) + 1 if len(since) else place
+    along = ("", " along x", " along y", " along z", "")[column]
+    return (
+        float(at_s[first] - 0.5 * WINDOW_S),
+        float(at_s[last] + 0.5 * WINDOW_S),
+        now,
+        f"vibration{along} grew from {usual:.1f} to {now:.1f} m/s^2 at {at_s[first]:.0f} s",
+        f"deviation of neighbouring samples of the force{along}, {now / usual:.1f} times that of "
+        f"the flight until then; up to {size[place:].max():.1f}",
+    )
+
+
+def _grown(size: Array, growth: _Growth) -> int | None:
+    """The place from which on the level is above all that was before; None if it never is."""
+    reach = round(growth.lasts_s / WINDOW_S)
     places = np.arange(FEWEST_BEFORE, len(size) - reach + 1)
     if not len(places):
         return None
     before = np.array([np.median(size[:place]) for place in places])
-    least = np.array([np.median(size[place : place + reach]) for place in places])
-    begun = (least > np.maximum(TIMES * before, BEGUN_M_S2)) & (size[places] > TIMES * before)
-    if not begun.any():
-        return None
-    place = int(places[np.flatnonzero(begun)[0]])
-    usual = float(np.median(size[:place]))
-    pieces = runs(size > TIMES * usual)
-    last = max(last for _, last in pieces)
-    now = float(np.median(size[place : place + reach]))
-    return (
-        float(at_s[place] - 0.5 * WINDOW_S),
-        float(at_s[last] + 0.5 * WINDOW_S),
-        now,
-        f"vibration grew from {usual:.1f} to {now:.1f} m/s^2 at {at_s[place]:.0f} s",
-        f"deviation of neighbouring samples of the force, {now / usual:.1f} times that of the "
-        f"flight until then; up to {size[place:].max():.1f}",
-    )
+    high = np.array([np.quantile(size[:place], 0.95) for place in places])
+    level = np.array([np.median(size[place : place + reach]) for place in places])
+    least = np.maximum(growth.times * before, growth.least_m_s2)
+    begun = (level > least) & (size[places] > growth.times * before)
+    begun &= level > growth.above * high
+    return int(places[np.flatnonzero(begun)[0]]) if begun.any() else None
+
+
+def _levels(size: Array, length_s: float) -> Array:
+    """(N,) medians over this time around each."""
+    half = round(0.5 * length_s / WINDOW_S)
+    wide = np.pad(size, half, mode="edge")
+    levels: Array = np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1), axis=1)
+    return levels
 
 
 def _clipped(context: Context, imu: int) -> str:

@@ -22,6 +22,11 @@ STILL_M_S2, STILL_RAD_S = 0.17, 1.0 * DEG
 QUIET_RAD_S, QUIET_M_S2 = 1.5 * DEG, 0.6
 MOVING_M_S, FIX_WITHIN_S = 1.0, 1.0
 FEWEST = 3
+# A larger bias needs fewer windows: in all of them together, gravity would have turned so far.
+WOULD_TURN_RAD, FEWEST_LARGE = 15.0 * DEG, 2
+# About the vertical, gravity shows nothing; but nobody turns a vehicle this evenly for this long.
+# A table might, faster than any gyro is off (MPU-6000, before it is calibrated).
+EVEN_RAD_S, EVEN_S, MOST_BIAS_RAD_S = 0.3 * DEG, 10.0, 20.0 * DEG
 # Allowed difference of biases of windows that belong together.
 ALIKE_RAD_S = 1.5 * DEG
 # Data sheets, see `sensor_bias`; beyond the second, an attitude is useless.
@@ -95,16 +100,12 @@ def _moving(receivers: Iterable[GpsTrack], t_s: Array) -> Mask:
 
 
 def _gyro(rest: Rest, imu: Sensor) -> list[Finding]:
-    if len(rest.t_s) < FEWEST:
+    if len(rest.t_s) < FEWEST_LARGE:
         return []
     bias = np.median(rest.w_b, axis=0)
     alike = np.linalg.norm(rest.w_b - bias, axis=1) < ALIKE_RAD_S
-    down = rest.f_b / np.linalg.norm(rest.f_b, axis=1, keepdims=True)
-    across = rest.w_b - (rest.w_b * down).sum(axis=1, keepdims=True) * down
     size = float(np.linalg.norm(bias))
-    # About the vertical alone, the vehicle may have been turned.
-    shown = float(np.median(np.linalg.norm(across, axis=1)[alike])) if alike.any() else 0.0
-    if alike.sum() < FEWEST or shown < 0.5 * size or size < BIAS_RAD_S:
+    if size < BIAS_RAD_S or not (_against_gravity(rest, bias, alike) or _is_even(rest, bias)):
         return []
     x, y, z = bias / DEG
     times = rest.t_s[alike]
@@ -119,10 +120,29 @@ def _gyro(rest: Rest, imu: Sensor) -> list[Finding]:
             "deg/s",
             f"gyro turns at {size / DEG:.1f} deg/s at rest",
             f"({x:+.1f}, {y:+.1f}, {z:+.1f}) deg/s about x, y, z in {alike.sum()} windows of "
-            f"{WINDOW_S:.1f} s in which gravity did not turn in the body; data sheets admit "
-            f"{BIAS_RAD_S / DEG:.0f}",
+            f"{WINDOW_S:.1f} s at rest, in which gravity did not turn in the body; data sheets "
+            f"admit {BIAS_RAD_S / DEG:.0f}",
         )
     ]
+
+
+def _against_gravity(rest: Rest, bias: Array, alike: Mask) -> bool:
+    """Whether most of the bias would have turned gravity far in the windows that agree."""
+    down = rest.f_b / np.linalg.norm(rest.f_b, axis=1, keepdims=True)
+    across = np.linalg.norm(rest.w_b - (rest.w_b * down).sum(axis=1, keepdims=True) * down, axis=1)
+    if alike.sum() < FEWEST_LARGE:
+        return False
+    shown = float(np.median(across[alike]))
+    would_turn = float(across[alike].sum()) * WINDOW_S
+    return shown > 0.5 * float(np.linalg.norm(bias)) and would_turn > WOULD_TURN_RAD
+
+
+def _is_even(rest: Rest, bias: Array) -> bool:
+    """Whether every window shows the same rate, about whatever axis."""
+    apart = np.linalg.norm(rest.w_b - bias, axis=1)
+    enough = len(rest.t_s) >= FEWEST and rest.t_s[-1] + WINDOW_S - rest.t_s[0] >= EVEN_S
+    is_bias = float(np.linalg.norm(bias)) < MOST_BIAS_RAD_S
+    return bool(enough and is_bias and apart.max() < EVEN_RAD_S)
 
 
 def _force(rest: Rest, imu: Sensor) -> list[Finding]:
@@ -161,7 +181,7 @@ def force_error(rest: Rest) -> float:
 
 def bias_at_rest(rest: Rest) -> Array:
     """(3,) rate of the gyro at rest, rad/s; zero unless it is certainly a bias."""
-    bias = np.median(rest.w_b, axis=0) if len(rest.t_s) >= FEWEST else np.zeros(3)
+    bias = np.median(rest.w_b, axis=0) if len(rest.t_s) >= FEWEST_LARGE else np.zeros(3)
     return bias if float(np.linalg.norm(bias)) > BIAS_RAD_S else np.zeros(3)
 
 

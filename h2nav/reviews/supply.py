@@ -6,6 +6,7 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Array, Battery, Context
+from h2nav.reviews.impacts import driven_at
 from h2nav.reviews.inertial import runs, within
 
 # Failsafes also trigger, and are logged, at the moment of arming.
@@ -18,9 +19,17 @@ BARO = re.compile(
     r"baro\w*.*(glitch|unhealthy|fail|timeout|stale|not healthy|no data)|no barometer",
     re.IGNORECASE,
 )
+VOLTS = re.compile(r"(\d+(?:\.\d+)?) ?V\b")
+SENSOR_WRONG = "the battery's sensor is wrong"
 # A voltage below the configured limit, for this long (BATT_LOW_TIMER is 10 s).
 LOW_S, MEASURED_V = 10.0, 1.0
 LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
+# No cell that flies holds less than this under load; a pack has two at the least. Nor does a
+# battery's voltage rise by this share while it carries a vehicle.
+LEAST_CELL_V, FEWEST_CELLS = 2.5, 2
+# Where limits are set: 3.3 to 3.7 V a cell.
+LIMIT_CELL_V = 3.5
+CARRIES_SHARE, RESTS_SHARE, RISES_SHARE, FEWEST_ROWS = 0.35, 0.12, 0.02, 10
 # No vehicle moves this far between two values of a barometer in close succession.
 JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
 
@@ -45,7 +54,8 @@ def reported(context: Context, subsystem: str, pattern: re.Pattern[str]) -> list
 
 
 def look_at_battery(context: Context) -> list[Finding]:
-    """Reports and voltages of the battery while armed."""
+    """Reports and voltages of the battery while armed; a sensor that cannot be right is told."""
+    wrong = _wrong_sensor(context)
     reports = reported(context, "battery", BATTERY)
     low = _below_limit(context)
     if not reports and low is None:
@@ -56,11 +66,16 @@ def look_at_battery(context: Context) -> list[Finding]:
     parts = [part for part in (quoted, "" if low is None else low[2], shown) if part]
     times = [t_s for t_s, _ in reports] + ([] if low is None else [low[0], low[1]])
     text = f"the autopilot reported: {reports[0][1]}" if reports else "battery below its limit"
+    severity = Severity.ERROR if reports else Severity.WARNING
+    if wrong:
+        shown_v = "" if np.isnan(volts) else f" ({volts:.1f} V)"
+        text, severity = f"{SENSOR_WRONG}{shown_v}", Severity.WARNING
+        parts.insert(0, wrong)
     return [
         Finding(
             Kind.BATTERY,
             Sensor(SensorKind.BATTERY),
-            Severity.ERROR if reports else Severity.WARNING,
+            severity,
             float(min(times)),
             float(max(times)),
             0.0 if np.isnan(volts) else volts,
@@ -69,6 +84,41 @@ def look_at_battery(context: Context) -> list[Finding]:
             "; ".join(parts),
         )
     ]
+
+
+def _wrong_sensor(context: Context) -> str:
+    """Why the voltage cannot be that of the battery that flew; empty if it can."""
+    if not context.batteries or not len(context.batteries[0].t_s):
+        quoted = (VOLTS.search(text) for _, text in reported(context, "battery", BATTERY))
+        said_v = [float(found[1]) for found in quoted if found]
+        is_none = said_v and max(said_v) < FEWEST_CELLS * LEAST_CELL_V
+        return f"{max(said_v):.1f} V is no battery" if is_none else ""
+    battery = context.batteries[0]
+    armed = within(battery.t_s, context.armed)
+    volts = battery.voltage_v[armed & np.isfinite(battery.voltage_v)]
+    if len(volts) < FEWEST_ROWS:
+        return ""
+    if float(np.median(volts)) < FEWEST_CELLS * LEAST_CELL_V:
+        return f"{np.median(volts):.1f} V is no battery"
+    cells = _cells(context)
+    if cells and float(np.median(volts)) < cells * LEAST_CELL_V:
+        return f"{np.median(volts):.1f} V for {cells} cells, by the limit that was set"
+    driven = driven_at(context, battery.t_s)
+    known = armed & np.isfinite(battery.voltage_v)
+    carries, rests = known & (driven > CARRIES_SHARE), known & (driven < RESTS_SHARE)
+    if min(carries.sum(), rests.sum()) < FEWEST_ROWS:
+        return ""
+    loaded, idle = (float(np.median(battery.voltage_v[rows])) for rows in (carries, rests))
+    if loaded > idle * (1.0 + RISES_SHARE):
+        return f"{loaded:.1f} V while the motors carried it, {idle:.1f} V without load"
+    return ""
+
+
+def _cells(context: Context) -> int:
+    """Cells of the pack that the autopilot's limit is meant for; 0 if unknown."""
+    limits = (context.parameters.get(name, 0.0) for name in LIMITS)
+    limit = next((limit for limit in limits if limit > FEWEST_CELLS * LEAST_CELL_V), 0.0)
+    return round(limit / LIMIT_CELL_V)
 
 
 def _measured(battery: Battery) -> Array:
@@ -110,7 +160,11 @@ def look_at_barometer(context: Context) -> list[Finding]:
     quoted = "; ".join(f"{t_s:.0f} s: {text!r}" for t_s, text in reports[:3])
     times = [t_s for t_s, _ in reports] + ([] if jumps is None else [jumps[0], jumps[0]])
     size = 0.0 if jumps is None else jumps[1]
-    text = f"the autopilot reported: {reports[0][1]}" if reports else f"it jumped by {size:.0f} m"
+    text = (
+        f"the autopilot reported: {reports[0][1]}"
+        if reports
+        else f"the barometer jumped by {size:.0f} m"
+    )
     shown = "" if jumps is None else f"jump of {size:.0f} m at {jumps[0]:.1f} s"
     return [
         Finding(

@@ -127,8 +127,15 @@ def _crash(context: Context, analysis: Analysis, crash: Finding, found: list[Fin
     begin = _phrase(root)
     if root.kind == FLOWN_INTO_GROUND:
         return f"{begin[:1].upper()}{begin[1:]}{end.removeprefix('crashed')}."
-    if not A_TIME.search(begin):
+    if not A_TIME.search(begin) and not _has(root, Trait.INDEPENDENT):
         begin += f" at {root.from_s:.0f} s"
+    if root.kind is Kind.MOTOR_FAILED:
+        more = [
+            one
+            for one in found
+            if one.kind is Kind.MOTOR_FAILED and root.from_s < one.from_s < crash.from_s
+        ]
+        begin = ", then ".join([begin, *(f"{_phrase(one)} at {one.from_s:.0f} s" for one in more)])
     between = [
         "control was lost" if one.kind is Kind.LOSS_OF_CONTROL else _phrase(one)
         for one in chained[1:]

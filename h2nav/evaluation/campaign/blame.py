@@ -47,7 +47,7 @@ NAMES_OF_KINDS: dict[AnyKind, str] = {
     Kind.LATE_BURSTS: LINK,
     Kind.IMU_SLOW: LINK,
 }
-COMPARISONS, BACKS_US = (Kind.AUTOPILOT_HEADING, Kind.AUTOPILOT_TILT), "GPS backs us"
+COMPARISONS = (Kind.AUTOPILOT_HEADING, Kind.AUTOPILOT_TILT)
 BY_BEGINNING = {"accelerometer": ACCELEROMETER, "gyro": GYRO, "compass": COMPASS, "gps": RECEIVER}
 BY_SENSOR = {
     SensorKind.AUTOPILOT: AUTOPILOT,
@@ -81,7 +81,7 @@ class Told(NamedTuple):
             return NOBODY  # one of several
         if finding.kind in COMPARISONS:
             # Otherwise it says that we are wrong, or does not say who is.
-            return AUTOPILOT if BACKS_US in finding.text else NOBODY
+            return AUTOPILOT if finding.backs_us else NOBODY
         if finding.kind in NAMES_OF_KINDS:
             return NAMES_OF_KINDS[finding.kind]
         word = finding.kind.value.partition("_")[0]

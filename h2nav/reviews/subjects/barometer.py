@@ -37,6 +37,7 @@ KINDS = (
             "Vibration and clipping first: they turn the accelerometer's integral into a climb.",
         ),
         phrase=lambda one: f"{one.text} from {one.from_s:.0f} s on",
+        follows=(Kind.ACCELEROMETER_SCALE,),
         brought=tuple(
             Brought(kind, LEADS_S)
             for kind in (
@@ -62,7 +63,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     known = heights(context, evidence.of(parts.vertical))
     if known is None:
         return found
-    shown = look_at_heights(known, context)
+    shown = look_at_heights(known, context, evidence.of(parts.lifted))
     # What the heights show says more than a report of it.
     return [*shown, *(one for one in found if one.kind not in {each.kind for each in shown})]
 

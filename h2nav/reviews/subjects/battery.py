@@ -5,7 +5,14 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
-from h2nav.reviews.supply import look_at_battery
+from h2nav.reviews.supply import SENSOR_WRONG, look_at_battery
+
+
+def _phrase(one: Finding) -> str:
+    if one.text.startswith(SENSOR_WRONG):
+        return one.text
+    return f"the battery was low ({one.size:.1f} V)" if one.size else "the battery was low"
+
 
 KINDS = (
     Declared(
@@ -17,15 +24,14 @@ KINDS = (
             "The battery could not hold its voltage, or the autopilot said that it is low.",
             "The battery's age and charge, its plugs and wires, and the calibration of the sensor.",
         ),
-        phrase=lambda one: (
-            f"the battery was low ({one.size:.1f} V)" if one.size else "the battery was low"
-        ),
+        phrase=_phrase,
         traits=Trait.UPSET,
         shown_by=(
             "the autopilot's reports by number and in words; its own limits (`BATT_LOW_VOLT`, "
-            "`FS_BATT_VOLTAGE`); leaps"
+            "`FS_BATT_VOLTAGE`); the sensor is accused instead where its voltage is below 2.5 V a "
+            "cell, or higher while the motors carry the vehicle than without load"
         ),
-        limit="10 s below; 30 m at once",
+        limit="10 s below",
     ),
 )
 

@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.compass import look_at_compass
+from h2nav.reviews.compass import look_at_compass, strangeness
 from h2nav.reviews.dead_compass import look_at_dead
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
@@ -49,6 +49,7 @@ KINDS = (
         ),
         phrase="the compass was not calibrated",
         section="compass",
+        void=(Kind.COMPASS_MOTORS,),
         shown_by=(
             "strength and vertical part of the field alone, over at least a third of a circle of "
             "headings: a heading that was wrong from the start does not matter"
@@ -66,6 +67,7 @@ KINDS = (
         ),
         phrase="the compass was not calibrated",
         section="compass",
+        void=(Kind.COMPASS_MOTORS,),
         shown_by="as `compass_hard_iron`",
     ),
     Declared(
@@ -79,22 +81,8 @@ KINDS = (
         ),
         phrase="the compass was not calibrated",
         section="compass",
+        void=(Kind.COMPASS_MOTORS,),
         shown_by="as `compass_hard_iron`",
-    ),
-    Declared(
-        Kind.COMPASS_MOTORS,
-        Meaning(
-            (SensorKind.COMPASS,),
-            Severity.WARNING,
-            "mG",
-            "The motors' current makes a field at the compass.",
-            "Move the compass or the wires, twist the wires, or compensate (ArduPilot: "
-            "COMPASS_MOT).",
-        ),
-        phrase="the motors disturbed the compass",
-        section="compass",
-        shown_by="the same fit with the throttle, or the current",
-        limit="30 % of the earth's field at full throttle",
     ),
     Declared(
         Kind.COMPASS_STEP,
@@ -113,6 +101,8 @@ KINDS = (
     ),
 )
 
+# A compass that is blamed is off from the earth's field by this share of the worst one at least.
+WORSE = 0.8
 
 Looked = tuple[FieldTrack | None, CompassFit | None, list[Finding]]
 
@@ -133,10 +123,32 @@ def compasses(evidence: FlightEvidence) -> tuple[Looked, ...]:
     )
 
 
+def judged(evidence: FlightEvidence) -> tuple[Finding, ...]:
+    """Findings in flight that name a compass, undecided where another is further from the earth's.
+
+    Strength and dip of the whole time of the finding show it, which the check could not wait for.
+    """
+    fields = {field.compass + 1: field for field, _, _ in evidence.of(compasses) if field}
+    found = []
+    for one in evidence.flight.findings:
+        number = one.sensor.number
+        if one.kind is not Kind.COMPASSES_DIFFER or number not in fields or len(fields) < 2:
+            continue
+        apart = {other: strangeness(field, one) for other, field in fields.items()}
+        if apart[number] < WORSE * max(apart.values()):
+            sensor = one.sensor._replace(number=None, others=tuple(sorted(fields)))
+            words = f"compasses differ by {one.size:.0f} deg"
+            shown = ", ".join(f"{other}: {share:.0%}" for other, share in sorted(apart.items()))
+            evidence_ = f"which one is wrong is open: strength and dip are off by ({shown})"
+            found.append(one._replace(sensor=sensor, text=words, evidence=evidence_))
+    return tuple(found)
+
+
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `dead_compass` and `compass`."""
     found = look_at_dead(evidence.of(parts.dead_rows))
-    return [*found, *(one for _, _, own in evidence.of(compasses) for one in own)]
+    fits = (one for _, _, own in evidence.of(compasses) for one in own)
+    return [*found, *(one for one in fits if one.kind is not Kind.COMPASS_MOTORS)]
 
 
 SUBJECT = ReviewSubject("compasses", KINDS, (needs.times, needs.compass), look)

@@ -26,10 +26,10 @@ KINDS = (
         traits=Trait.INDEPENDENT | Trait.EACH,
         shown_by=(
             "windows of 2.5 s without vibration in which gravity does not turn in the body, armed "
-            "or not, without a compass; not about the vertical alone, nor while a receiver "
-            "measures a speed"
+            "or not, without a compass; about the vertical alone only if the rate stays the same "
+            "within 0.3 deg/s for 10 s; not while a receiver measures a speed"
         ),
-        limit="2 deg/s in three windows that agree",
+        limit="2 deg/s in windows that agree, by which gravity would have turned by 15 deg",
     ),
     Declared(
         Kind.ACCELEROMETER_SCALE,
@@ -88,7 +88,7 @@ KINDS = (
         ),
         phrase="the accelerometers disagreed",
         section="bias",
-        follows=(Kind.ACCELEROMETER_SCALE,),
+        follows=(Kind.ACCELEROMETER_SCALE, Kind.VIBRATION, Kind.CLIPPING),
         shown_by="as `gyro_apart`",
     ),
     Declared(
@@ -101,6 +101,15 @@ KINDS = (
             words.SENSOR,
         ),
         phrase="a gyro's scale was off",
+        # It is measured by the compass.
+        void=(
+            Kind.COMPASS_FIELD,
+            Kind.COMPASS_SCALE,
+            Kind.COMPASS_HARD_IRON,
+            Kind.COMPASS_SOFT_IRON,
+            Kind.COMPASS_MOTORS,
+            Kind.COMPASS_STEP,
+        ),
         section="bias",
         shown_by=(
             "the field propagated by the gyro over 4 s against the field measured then; one fit "

@@ -10,6 +10,7 @@ KINDS = (
         Kind.ACCELEROMETER_BIAS_STEP,
         MEANINGS[Kind.ACCELEROMETER_BIAS_STEP],
         phrase="an accelerometer's bias jumped",
+        void=(Kind.VIBRATION, Kind.VIBRATION_LEVEL),
         section="bias",
         shown_by=(
             "residual of the receiver's acceleration after the force, over 4 s before and after, "
@@ -109,7 +110,15 @@ KINDS = (
         MEANINGS[Kind.COMPASS_FIELD],
         phrase="the compass was disturbed",
         section="compass",
-        follows=(Kind.COMPASS_DEAD, Kind.IMU_TOO_SLOW, Kind.VIBRATION, Kind.COMPASS_STEP),
+        follows=(
+            Kind.COMPASS_DEAD,
+            Kind.IMU_TOO_SLOW,
+            Kind.COMPASS_SCALE,
+            Kind.COMPASS_HARD_IRON,
+            Kind.COMPASS_MOTORS,
+            Kind.VIBRATION,
+            Kind.COMPASS_STEP,
+        ),
         traits=Trait.UPSET,
     ),
     Declared(
@@ -141,6 +150,7 @@ KINDS = (
         Kind.GYRO_BIAS_STEP,
         MEANINGS[Kind.GYRO_BIAS_STEP],
         phrase="a gyro's bias jumped",
+        void=(Kind.VIBRATION, Kind.VIBRATION_LEVEL),
         section="bias",
         shown_by="as `gyro_bias`",
     ),
@@ -185,7 +195,10 @@ KINDS = (
             "differences of neighbouring force samples, which keep their size at any rate, "
             "against the same flight; with VIBE and clips where logged"
         ),
-        limit="5 m/s^2; three times the level before and 1.5 m/s^2, for 5 s",
+        limit=(
+            "5 m/s^2; three times the level before and 1.5 m/s^2, for 5 s; 2.5 times and 3 m/s^2 "
+            "on one axis; twice and 2.5 m/s^2 in most samples, for 2 s, far above all before"
+        ),
     ),
 )
 

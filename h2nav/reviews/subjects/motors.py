@@ -43,10 +43,13 @@ KINDS = (
             "One motor had to work harder than the others to hold the vehicle level.",
             words.MOTOR,
         ),
+        # The autopilot holds what its gyro says level.
+        void=(Kind.GYRO_BIAS,),
         traits=Trait.INDEPENDENT,
         shown_by=(
             "outputs in flight, less the part explained by lateral force, rates and their changes "
-            "(wind, manoeuvres); in each third of the flight"
+            "(wind, manoeuvres); off the ground, in each third of the flight; a note where "
+            "another motor works less by as much: a load off the centre"
         ),
         limit="40 us above the mean of the others, 30 us above the next, and the others about even",
     ),
@@ -63,8 +66,9 @@ KINDS = (
             Brought(Kind.BATTERY, LEADS_S),
             Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
         ),
+        follows=(Kind.GYRO_BIAS,),
         traits=Trait.UPSET,
-        shown_by="outputs in flight against the range that the parameters give",
+        shown_by="outputs off the ground against the range that the parameters give",
         limit="1 s, or 0.5 s shortly before a crash",
     ),
 )
@@ -75,7 +79,12 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     bins = evidence.of(parts.bins)
     if bins is None:
         return []
-    return look_at_motors(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
+    return look_at_motors(
+        bins,
+        evidence.of(parts.recorded),
+        evidence.of(parts.crashes),
+        evidence.of(parts.lifted),
+    )
 
 
 SUBJECT = ReviewSubject("motors", KINDS, (*needs.ALWAYS, needs.motors, needs.flight), look)

@@ -298,9 +298,9 @@ def test_errors_of_a_draw_name_file_key_and_remedy(text, said, tmp_path):
 # --- whom they hold to account ------------------------------------------------------------------
 
 
-def said(kind, sensor, from_s, told_s=None, text="text"):
+def said(kind, sensor, from_s, told_s=None, text="text", backs_us=None):
     found = Finding(kind, sensor, Severity.WARNING, from_s, from_s + 5.0, 1.0, "", text, "evidence")
-    return Told(told_s or from_s + 1.0, found)
+    return Told(told_s or from_s + 1.0, found._replace(backs_us=backs_us))
 
 
 IMU_1, IMU_2 = Sensor(SensorKind.IMU, 1), Sensor(SensorKind.IMU, 2)
@@ -328,12 +328,12 @@ AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
         ("gps-step=5@100+20", [said(Kind.GPS_VELOCITY, GPS, 101.0)], "right"),
         (
             "autopilot-tilt=9@100+20",
-            [said(Kind.AUTOPILOT_TILT, AUTOPILOT, 101.0, text="tilt off 9 deg, GPS backs us")],
+            [said(Kind.AUTOPILOT_TILT, AUTOPILOT, 101.0, backs_us=True)],
             "right",
         ),
         (
             "autopilot-tilt=9@100+20",
-            [said(Kind.AUTOPILOT_TILT, AUTOPILOT, 101.0, text="our tilt off 9 deg")],
+            [said(Kind.AUTOPILOT_TILT, AUTOPILOT, 101.0, backs_us=False)],
             "undecided",
         ),
         (

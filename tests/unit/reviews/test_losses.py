@@ -31,7 +31,6 @@ def outputs(shares):
     pwm_us = np.full((len(T_S), 4), 1500.0)
     for since_s, row in shares:
         pwm_us[since_s <= T_S] = 1000.0 + 1000.0 * np.array(row)
-    pwm_us[T_S < 3.0] = 1000.0
     return Motors((1, 2, 3, 4), T_S, pwm_us, 1000.0, 2000.0)
 
 
@@ -95,7 +94,8 @@ def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
 
 
 def test_a_weak_battery_accuses_no_motor():
-    climb, height = Series(T_S, np.zeros(len(T_S))), Series(T_S, np.full(len(T_S), 40.0))
+    climb = Series(T_S, 0.25 * np.cos(0.125 * T_S))
+    height = Series(T_S, 40.0 + 2.0 * np.sin(0.125 * T_S))
     volts = np.where(T_S > 50.0, 9.2, 12.6)
     changes = {
         "batteries": (Battery(0, T_S, volts, 0.0 * volts + 30.0, 0.0 * volts + 0.8),),

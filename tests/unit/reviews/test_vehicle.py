@@ -22,7 +22,11 @@ from h2nav.recordings.rotations import roll_pitch_heading
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.causes import first_causes
 from h2nav.reviews.chain import chain
+from h2nav.reviews.compass_motors import strength_by_throttle
+from h2nav.reviews.estimators import judged
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.inertial import attitudes
+from h2nav.reviews.standstill import NEVER
 from h2nav.reviews.verdict import verdict
 
 T_S = ideal("flight").t_us * 1e-6
@@ -233,6 +237,8 @@ def test_a_gyro_that_turns_at_rest_is_found_without_a_compass_and_armed(rate):
 
 def test_a_turn_about_the_vertical_may_be_one():
     assert Kind.GYRO_BIAS not in kinds(standing((0.0, 0.0, 30.0)))
+    # None is as even as this, and as slow.
+    assert Kind.GYRO_BIAS in kinds(standing((0.2, 0.2, -2.6)))
     assert Kind.GYRO_BIAS not in kinds(standing((1.0, 1.0, 0.5)))
 
 
@@ -380,3 +386,132 @@ def test_a_receiver_that_is_blamed_in_flight_is_acquitted_where_it_fits(drift_m_
     v_n = gps.v_n + drift_m_s2 * np.clip(gps.t_s - 60.0, 0.0, 15.0)[:, None]
     context = flown.context._replace(gps=(gps._replace(v_n=v_n),))
     assert (blame.id in analyse(flown._replace(context=context)).misjudged) == (drift_m_s2 == 0.0)
+
+
+# --- nobody innocent -----------------------------------------------------------------------------
+
+
+def finding(kind, sensor, from_s=10.0, to_s=20.0, severity=Severity.WARNING, **changes):
+    return Finding(kind, sensor, severity, from_s, to_s, 9.0, "", "text", "evidence")._replace(
+        **changes
+    )
+
+
+# --- vibration ----------------------------------------------------------------------------------
+
+
+def shaken(from_s, to_s, share, size_m_s2=7.0):
+    """A flight with noise in a share of the samples for a while."""
+    flown = multirotor()
+    first = flown.context.imus[0]
+    random = np.random.default_rng(5)
+    hit = (first.t_s > from_s) & (first.t_s < to_s) & (random.random(len(first.t_s)) < share)
+    noise = random.normal(0.0, size_m_s2 / np.sqrt(share), first.f_b.shape)
+    return with_imu(flown, f_b=first.f_b + np.where(hit[:, None], noise, 0.0))
+
+
+def test_a_vibration_of_two_seconds_is_told_and_a_bump_is_not():
+    found = kinds(shaken(70.0, 72.5, 1.0))[Kind.VIBRATION]
+    assert found.from_s == pytest.approx(70.0, abs=1.5)
+    assert Kind.VIBRATION not in kinds(shaken(70.0, 72.5, 0.05))
+
+
+# --- motors on the ground -----------------------------------------------------------------------
+
+
+def uneven(height_m, **changes):
+    """One motor 80 us above the others, at a height over time."""
+    pwm_us = np.full((len(T_S), 4), 1500.0)
+    pwm_us[:, 1] += 80.0
+    pwm_us[T_S < 3.0] = 1000.0
+    flown = multirotor(baro_height_m=Series(T_S, height_m), **changes)
+    outputs = flown.context.motors._replace(t_s=T_S, pwm_us=pwm_us)
+    return flown._replace(context=flown.context._replace(motors=outputs))
+
+
+def test_outputs_on_a_bench_say_nothing_of_a_motor():
+    climbs = np.clip(T_S - 3.0, 0.0, 10.0)
+    noise = np.random.default_rng(3).normal(0.0, 0.2, len(T_S))
+    assert Kind.MOTOR_IMBALANCE in kinds(uneven(climbs + noise))
+    assert Kind.MOTOR_IMBALANCE not in kinds(uneven(noise))
+
+
+def test_a_gyro_that_turns_at_rest_takes_the_motors_evidence_away():
+    biased = finding(Kind.GYRO_BIAS, Sensor(SensorKind.IMU, 1), 0.0, 5.0, Severity.ERROR)
+    motor = finding(Kind.MOTOR_IMBALANCE, Sensor(SensorKind.MOTOR, 2), 20.0, 90.0)
+    flown = flight()
+    shown = chain(flown, Analysis(findings=(biased, motor)))
+    assert [one.kind for one in shown.findings] == [Kind.GYRO_BIAS]
+    alone = chain(flown, Analysis(findings=(motor,)))
+    assert [one.kind for one in alone.findings] == [Kind.MOTOR_IMBALANCE]
+
+
+def test_only_the_compass_of_the_same_number_voids_a_gyros_scale():
+    scale = finding(Kind.GYRO_SCALE, Sensor(SensorKind.IMU, 1))
+    for number, count in ((1, 1), (2, 2)):
+        field = finding(Kind.COMPASS_SCALE, Sensor(SensorKind.COMPASS, number))
+        links = chain(flight(), Analysis(findings=(scale, field)))
+        assert len(links.findings) == count
+
+
+# --- the battery's sensor -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("volts", "is_wrong"),
+    [
+        (np.full(len(T_S), 5.9), True),
+        (np.where(T_S < 3.0, 10.0, 10.4), True),
+        (np.where(T_S < 3.0, 10.4, 9.2), False),
+    ],
+)
+def test_a_battery_that_no_vehicle_flies_with_accuses_its_sensor(volts, is_wrong):
+    unknown = np.full(len(T_S), np.nan)
+    pwm_us = np.where(T_S < 3.0, 1000.0, 1600.0)[:, None] + np.zeros((1, 4))
+    flown = multirotor(
+        batteries=(Battery(0, T_S, volts, unknown, unknown),),
+        armed=(Span(0.0, DURATION_S, "armed"),),
+        parameters={"FS_BATT_VOLTAGE": 10.5},
+    )
+    outputs = flown.context.motors._replace(t_s=T_S, pwm_us=pwm_us)
+    flown = flown._replace(context=flown.context._replace(motors=outputs))
+    assert ("sensor is wrong" in kinds(flown)[Kind.BATTERY].text) == is_wrong
+
+
+# --- compasses ----------------------------------------------------------------------------------
+
+
+def test_a_field_that_grows_with_the_throttle_is_of_the_motors_without_a_place():
+    flown = multirotor()
+    track = flown.context.imus[0]
+    throttle = np.where(track.t_s < 20.0, 0.0, 0.5)
+    context = flown.context._replace(throttle=Series(track.t_s, throttle))
+    still = strength_by_throttle(track, context)
+    assert still is None
+    moved = track._replace(m_b_ut=track.m_b_ut * (1.0 + 0.8 * throttle[:, None]))
+    found = strength_by_throttle(moved, context)
+    assert found is not None
+    assert found.share == pytest.approx(0.8, abs=0.1)
+
+
+# --- whose attitude -----------------------------------------------------------------------------
+
+
+def test_an_attitude_that_the_flight_check_could_not_judge_is_judged_by_the_whole_flight():
+    """The receiver's velocity confirms ours; without it, nobody is blamed."""
+    flown = flight()
+    ours = attitudes(flown.estimates.t_s, flown.estimates.q_nb)
+    tilted = ours.q_nb + 0.07 * np.roll(ours.q_nb, 1, axis=1) * np.array([-1.0, 1.0, -1.0, 1.0])
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    theirs = flown.context.attitudes[0]._replace(t_s=ours.t_s, q_nb=tilted)
+    context = flown.context._replace(attitudes=(theirs,))
+    blame = finding(Kind.AUTOPILOT_TILT, Sensor(SensorKind.AUTOPILOT), 30.0, 100.0, id="a")
+    track = flown.context.imus[0]
+    (shown,) = judged(context, track, ours, NEVER, (blame,))
+    assert shown.backs_us
+    assert "fits ours better" in shown.evidence
+    (undecided,) = judged(context._replace(gps=()), track, ours, NEVER, (blame,))
+    assert undecided.backs_us is None
+    whole = analyse(flown._replace(context=context._replace(gps=()), findings=(blame,)))
+    assert blame.id in whole.misjudged
+    assert shown.size > 3.0 * DEG / DEG
