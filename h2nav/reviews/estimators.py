@@ -52,6 +52,7 @@ BETTER = 0.8
 WINDOW_S = 2.0
 # And only if it does fit: with an attitude that is right, this is left over a window.
 FITS_M_S = 1.0
+SEEN_SHARE = 0.5
 
 
 class _Phrase(NamedTuple):
@@ -500,7 +501,9 @@ def _verdict(
     v_n = gps.v_n[np.isin(gps.t_s, at_s), :2]
     late = np.searchsorted(at_s, at_s + WINDOW_S)
     first = np.flatnonzero(late < len(at_s))
-    if len(first) < 5:
+    # What it measured of a part says nothing of the rest.
+    is_short = len(at_s) == 0 or at_s[-1] - at_s[0] < SEEN_SHARE * (span[1] - span[0])
+    if len(first) < 5 or is_short:
         return "no velocity shows who is right", None
     change = v_n[late[first]] - v_n[first]
     rest = []

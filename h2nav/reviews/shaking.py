@@ -21,6 +21,8 @@ WINDOW_S = 1.0
 STRONG_M_S2, STRONG_S = 5.0, 10.0
 # It began where the level left the usual one: this many times, before which it was less.
 LEFT = 1.3
+# Most samples grow by this much, too.
+MOST_GROW = 1.5
 # Median of the length of a vector of three Gaussian parts, over its rms.
 MEDIAN_OF_RMS = 0.89
 FEWEST_BEFORE = 10
@@ -130,7 +132,7 @@ def _begun(at_s: Array, sizes: Array) -> tuple[float, float, float, str, str] | 
         (place, column, growth)
         for growth in GROWTHS
         for column in growth.columns
-        if (place := _grown(sizes[:, column], growth)) is not None
+        if (place := _grown(sizes[:, column], sizes[:, TYPICAL], growth)) is not None
     ]
     if not grown:
         return None
@@ -152,8 +154,13 @@ def _begun(at_s: Array, sizes: Array) -> tuple[float, float, float, str, str] | 
     )
 
 
-def _grown(size: Array, growth: _Growth) -> int | None:
-    """The place from which on the level is above all that was before; None if it never is."""
+def _grown(size: Array, typical: Array, growth: _Growth) -> int | None:
+    """The place from which on the level is above all that was before; None if it never is.
+
+    Args:
+        size: (N,) level by which it has grown.
+        typical: (N,) level of most samples, which has to grow as well: bumps do not vibrate.
+    """
     reach = round(growth.lasts_s / WINDOW_S)
     places = np.arange(FEWEST_BEFORE, len(size) - reach + 1)
     if not len(places):
@@ -164,6 +171,9 @@ def _grown(size: Array, growth: _Growth) -> int | None:
     least = np.maximum(growth.times * before, growth.least_m_s2)
     begun = (level > least) & (size[places] > growth.times * before)
     begun &= level > growth.above * high
+    usual = np.array([np.median(typical[:place]) for place in places])
+    now = np.array([np.median(typical[place : place + reach]) for place in places])
+    begun &= now > MOST_GROW * usual
     return int(places[np.flatnonzero(begun)[0]]) if begun.any() else None
 
 

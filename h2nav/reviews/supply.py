@@ -20,7 +20,6 @@ BARO = re.compile(
     re.IGNORECASE,
 )
 VOLTS = re.compile(r"(\d+(?:\.\d+)?) ?V\b")
-SENSOR_WRONG = "the battery's sensor is wrong"
 # A voltage below the configured limit, for this long (BATT_LOW_TIMER is 10 s).
 LOW_S, MEASURED_V = 10.0, 1.0
 LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
@@ -65,11 +64,11 @@ def look_at_battery(context: Context) -> list[Finding]:
     shown = "" if np.isnan(volts) else f"lowest voltage {volts:.1f} V"
     parts = [part for part in (quoted, "" if low is None else low[2], shown) if part]
     times = [t_s for t_s, _ in reports] + ([] if low is None else [low[0], low[1]])
-    text = f"the autopilot reported: {reports[0][1]}" if reports else "battery below its limit"
+    shown_v = "" if np.isnan(volts) else f" ({volts:.1f} V)"
+    text = f"the battery was low{shown_v}"
     severity = Severity.ERROR if reports else Severity.WARNING
     if wrong:
-        shown_v = "" if np.isnan(volts) else f" ({volts:.1f} V)"
-        text, severity = f"{SENSOR_WRONG}{shown_v}", Severity.WARNING
+        text, severity = f"the battery's sensor is wrong{shown_v}", Severity.WARNING
         parts.insert(0, wrong)
     return [
         Finding(

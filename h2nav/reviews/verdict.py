@@ -322,9 +322,12 @@ def _ending(context: Context) -> str:
 def _phrase(one: Finding) -> str:
     """A finding in the middle of a sentence."""
     phrase = KINDS[one.kind].phrase
-    if isinstance(phrase, str):
-        return phrase or one.text
-    return phrase(one)
+    said = (phrase or one.text) if isinstance(phrase, str) else phrase(one)
+    if one.sensor.kind is SensorKind.MOTOR and one.sensor.others:
+        alone = f"motor {one.sensor.number}"
+        said = said.replace(f"{alone} was", f"{alone} were")
+        said = said.replace(alone, _motors(list(one.sensor.numbers)))
+    return said
 
 
 def _has(one: Finding, trait: Trait) -> bool:

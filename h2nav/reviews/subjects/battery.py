@@ -5,14 +5,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
-from h2nav.reviews.supply import SENSOR_WRONG, look_at_battery
-
-
-def _phrase(one: Finding) -> str:
-    if one.text.startswith(SENSOR_WRONG):
-        return one.text
-    return f"the battery was low ({one.size:.1f} V)" if one.size else "the battery was low"
-
+from h2nav.reviews.supply import look_at_battery
 
 KINDS = (
     Declared(
@@ -24,7 +17,7 @@ KINDS = (
             "The battery could not hold its voltage, or the autopilot said that it is low.",
             "The battery's age and charge, its plugs and wires, and the calibration of the sensor.",
         ),
-        phrase=_phrase,
+        phrase=lambda one: one.text,
         traits=Trait.UPSET,
         shown_by=(
             "the autopilot's reports by number and in words; its own limits (`BATT_LOW_VOLT`, "
