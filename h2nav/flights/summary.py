@@ -35,11 +35,13 @@ def summary_of(document: Mapping[str, Any]) -> dict[str, Any]:
     kinds: dict[str, str] = {}
     for severity, each in ranked:
         kinds.setdefault(each["kind"], severity.word)
+    airframe = document["airframe"]
+    described = document["autopilot"] or document["vehicle"]
     armed_s = sum(span["to_s"] - span["from_s"] for span in document["spans"]["armed"])
     return {
         "date": document["start_utc"],
         "vehicle": document["vehicle"],
-        "airframe": document["airframe"]["id"] or document["autopilot"] or document["vehicle"],
+        "airframe": airframe["id"] if airframe["uid"] else described,
         "firmware": document["firmware"],
         "kind": document["kind"],
         "duration_s": armed_s or document["duration_s"],

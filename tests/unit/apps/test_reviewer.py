@@ -50,6 +50,7 @@ def test_it_reviews_commits_and_then_has_nothing_to_do(flight):
     outcome = reviewed(flight)
     assert (outcome.name, outcome.error, outcome.trouble) == ("flight.tlog", "", "")
     assert outcome.text.startswith("flight sound")
+    assert outcome.summary["airframe"] == "ArduPilot quadrotor 1/1"
     folder = FlightFolder(flight)
     record = folder.record(outcome.flight)
     document = orjson.loads((folder.reviews / record.document).read_bytes())
