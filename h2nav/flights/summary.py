@@ -52,6 +52,18 @@ def summary_of(document: Mapping[str, Any]) -> dict[str, Any]:
         "worst_text": first.get("text", "")[:LONGEST_TEXT],
         **{name: sum(counts[each] for each in severities) for name, severities in COUNTED.items()},
         "kinds": kinds,
+        **_unjudged(document["why_no_estimate"], has_findings=bool(ranked)),
+    }
+
+
+def _unjudged(reason: str | None, *, has_findings: bool) -> dict[str, str]:
+    """What a recording that shows nothing is called in place of sound."""
+    if not reason or has_findings:
+        return {}
+    return {
+        "verdict": f"Not judged: {reason}."[:LONGEST_TEXT],
+        "worst": Severity.NOTICE.word,
+        "worst_text": reason[:LONGEST_TEXT],
     }
 
 
@@ -64,6 +76,8 @@ def sentence_of(summary: Mapping[str, Any]) -> tuple[Severity, str]:
     if summary["errors"] or summary["warnings"]:
         worst = Severity.of(summary["worst"]) or Severity.WARNING
         return worst, f"flight: {summary['verdict']}"
+    if summary["worst"] and not summary["kinds"]:
+        return Severity.NOTICE, f"flight not judged: {summary['worst_text']}"
     notices = summary["notices"]
     rest = f", {notices} notice{'s' if notices != 1 else ''}" if notices else ""
     return Severity.INFO, f"flight sound{rest}"
