@@ -13,7 +13,7 @@ Equations: docs/integrity.md, section 5.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -39,7 +39,8 @@ FAILED_RATE_RAD_S = 1.5 * DEG
 FAILED_FORCE_M_S2 = 0.6
 FAILED_HEADING_RAD = 60.0 * DEG
 FAILED_TILT_RAD = 5.0 * DEG
-# A broken gyro, and the tilt error before it is detected.
+# A broken accelerometer; a broken gyro, and the tilt error before it is detected.
+BROKEN_FORCE_M_S2 = 3.0
 BROKEN_RATE_RAD_S = 20.0 * DEG
 BROKEN_TILT_RAD = 30.0 * DEG  # and of an attitude that is wrong for whatever reason
 BROKEN = 3.0  # times a failure's rate
@@ -65,8 +66,16 @@ SUSPECTED = 100.0
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 LEAST_SHARE = 1.0 / 9.0
-# Largest effect of an unknown delay and antenna for a decision, in deviations of a velocity.
+# A sensor that shows the same as that of another IMU is the cause in one of so many cases.
+ACQUITTED = 1000.0
+# A heading turns an acceleration and keeps its size, within this share.
+SAME_SIZE = 0.2
+# A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom.
+TAILS = 1.0
+# Largest effect of an unknown delay and antenna for a decision, in deviations of a velocity; and
+# how many deviations of theirs a difference has to be that they, which do not add up, cannot make.
 MAX_RECEIVER = 3.0
+BEYOND_RECEIVER = 6.0
 # Largest excess of the residuals' square over that of the noise for a decision, in its deviations.
 MISFIT_SIGMAS = 3.0
 
@@ -151,16 +160,19 @@ def doubt_of(found: Explained) -> SensorDoubt | None:
     return SensorDoubt((x, y, z), (u, v), *bent)
 
 
-def explain(rows: Sequence[VelocityRow], known: Known) -> Explained:
+def explain(
+    rows: Sequence[VelocityRow], known: Known, acquitted: Collection[Cause] = ()
+) -> Explained:
     """Compares the causes over a window.
 
     Args:
         rows: of the window, in order.
         known: at its end.
+        acquitted: sensors that show the same as those of other IMUs.
     """
     if len(rows) < MIN_ROWS:
         return NOTHING
-    return _Comparison(rows, known).explained()
+    return _Comparison(rows, known, acquitted).explained()
 
 
 class _Variant(NamedTuple):
@@ -171,13 +183,21 @@ class _Variant(NamedTuple):
     own: int = 0  # number of unknowns besides the usual ones
     begun: int = 0  # row with which it began
     drifts: bool = False  # its own unknowns begin with a drift of the velocity north and east
+    motion: float = 0.0  # logarithm of how likely the vehicle moves as it then would
+
+    @property
+    def likelihood(self) -> float:
+        """Of the measurements and the motion, as a logarithm."""
+        return self.fit.likelihood + self.motion
 
 
 class _Comparison:
     """The likelihoods of the causes over one window."""
 
-    def __init__(self, rows: Sequence[VelocityRow], known: Known) -> None:
-        self._rows, self._known = rows, known
+    def __init__(
+        self, rows: Sequence[VelocityRow], known: Known, acquitted: Collection[Cause]
+    ) -> None:
+        self._rows, self._known, self._acquitted = rows, known, acquitted
         self._window = window = VelocityModel(rows, known)
         self._force_density = window.force_density
         self._columns, self._sound = window.columns, window.sigmas
@@ -196,17 +216,20 @@ class _Comparison:
         bases = none, model.fit(bent)
         for begun in self._onsets():
             variants += self._from_row(begun, bases)
-        for row in self._jumps(none):
-            variants += self._jump(row, bases)
+        jumps = [one for row in self._jumps(none) for one in self._jump(row, bases)]
+        variants = [one._replace(motion=self._motion(one)) for one in variants] + jumps
         odds: dict[Cause, float] = {
-            cause: mean([one.fit.likelihood for one in variants if one.cause is cause])
+            cause: mean([one.likelihood for one in variants if one.cause is cause])
             for cause in Cause
             if cause is not Cause.VIBRATION
         }
+        for cause in self._acquitted:
+            odds[cause] -= math.log(ACQUITTED)
         odds[Cause.VIBRATION] = self._vibration()
         if self._force_density > SHAKING_DENSITY:
             # A blow hidden from the force looks like a jump of the velocity.
-            odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
+            hidden = mean([one.likelihood for one in jumps])
+            odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], hidden)
         if self._rows[0].begun.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
             # An almost unknown heading can imitate any false velocity.
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
@@ -223,9 +246,7 @@ class _Comparison:
         is_seen, step = self._force_density > SHAKEN_DENSITY, 0.0
         if mine:
             likeliest = _likeliest(mine)
-            # Delay and antenna together do more than either: unknown, they may be the cause.
-            is_known = self._window.receiver_m_s < MAX_RECEIVER * self._window.noise_m_s
-            is_seen = is_known and self._is_seen(mine)
+            is_seen = self._is_beyond_receiver() and self._is_seen(mine)
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
@@ -267,6 +288,46 @@ class _Comparison:
         first, now = self._rows[0].begun.moment, self._known.moment
         return tilt_and_heading(multiply(exp(turn), multiply(first.q_ns, conjugate(now.q_ns))))
 
+    def _motion(self, one: _Variant) -> float:
+        """Logarithm of how likely the vehicle accelerates as it does if this is the cause.
+
+        If the velocity is false, the force shows the true acceleration, else the velocity does: one
+        of both has changed with the fault, and a fault does not wait for a manoeuvre that hides it.
+        Only the difference counts.
+        """
+        left, count = self._columns.left, len(self._rows)
+        if one.cause in (Cause.HEADING, Cause.ATTITUDE):
+            sine, cosine = one.fit.unknowns()[HEADING], 1.0 - one.fit.unknowns()[-1]
+            size = (sine * sine + cosine * cosine - 1.0) / SAME_SIZE
+            return -0.5 * size * size
+        measured, felt = [0.0, 0.0], [0.0, 0.0]
+        for i in range(one.begun, count):
+            begun_n, ended_n = self._rows[i].begun.v_n, self._rows[i].ended.v_n
+            for axis in (0, 1):
+                change = ended_n[axis] - begun_n[axis]
+                measured[axis] += change
+                felt[axis] += change - left[i + axis * count]
+        usual = self._known.usual_m_s2 * sum(self._window.lengths_s[one.begun :])
+        by_velocity, by_force = (
+            -0.5 * (TAILS + 2.0) * math.log1p((x * x + y * y) / (TAILS * usual * usual))
+            for x, y in (measured, felt)
+        )
+        own = by_force if one.cause is Cause.VELOCITY else by_velocity
+        return own - max(by_velocity, by_force)
+
+    def _is_beyond_receiver(self) -> bool:
+        """Whether delay and antenna, unknown and together more than either, are not the cause."""
+        effect_m_s = self._window.receiver_m_s
+        if effect_m_s < MAX_RECEIVER * self._window.noise_m_s:
+            return True
+        left, count = self._columns.left, len(self._rows)
+        north = east = 0.0
+        for i in reversed(range(count)):
+            north, east = north + left[i], east + left[count + i]
+            if math.hypot(north, east) > BEYOND_RECEIVER * effect_m_s:
+                return True
+        return False
+
     def _is_seen(self, mine: Sequence[_Variant]) -> bool:
         """Whether the residuals are noise (chi square) and a sensor's fault began in the window."""
         best, count = _likeliest(mine), 2 * len(self._rows)
@@ -305,6 +366,8 @@ class _Comparison:
         late = [self._later(LAG + j, begun) for j in (0, 1)]
         for shape, first in zip(late, self._rows[begun].began_late, strict=True):
             shape[0], shape[count] = first
+        # Of a force that begins within a row, the rest of that row has too much.
+        partly = [self._first(FORCE + j, begun) for j in (0, 1)]
         since = self._model.since(
             begun,
             [
@@ -313,16 +376,22 @@ class _Comparison:
                 *self._ramps(count),
                 *_jumps(count),
                 *late,
+                *partly,
             ],
         )
         return [
             _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), FAILED_RATE_RAD_S), 3, begun),
             _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3, begun),
-            _Variant(Cause.ACCELEROMETER, since.fit(none, (3, 4), FAILED_FORCE_M_S2), 2),
-            _Variant(Cause.VELOCITY, since.fit(none, (5, 6), RAMP_M_S2), 2, drifts=True),
-            _Variant(Cause.VELOCITY, since.fit(bent, (5, 6), RAMP_M_S2), 2, drifts=True),
-            _Variant(Cause.VELOCITY, since.fit(none, (5, 6, 7, 8), RAMP_M_S2), 4, drifts=True),
-            _Variant(Cause.LATENCY, since.fit(none, (9, 10), FAILED_LAG_S), 2),
+            _Variant(Cause.ACCELEROMETER, since.fit(none, (3, 4), FAILED_FORCE_M_S2), 2, begun),
+            _Variant(
+                Cause.ACCELEROMETER, since.fit(none, (11, 12, 3, 4), BROKEN_FORCE_M_S2), 2, begun
+            ),
+            _Variant(Cause.VELOCITY, since.fit(none, (5, 6), RAMP_M_S2), 2, begun, drifts=True),
+            _Variant(Cause.VELOCITY, since.fit(bent, (5, 6), RAMP_M_S2), 2, begun, drifts=True),
+            _Variant(
+                Cause.VELOCITY, since.fit(none, (5, 6, 7, 8), RAMP_M_S2), 4, begun, drifts=True
+            ),
+            _Variant(Cause.LATENCY, since.fit(none, (9, 10), FAILED_LAG_S), 2, begun),
         ]
 
     def _jump(self, row: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
@@ -339,6 +408,12 @@ class _Comparison:
         """The column of an unknown, from a row on."""
         column, count = self._columns.of[j], len(self._rows)
         return [*column[begun:count], *column[count + begun :]]
+
+    def _first(self, j: int, begun: int) -> list[float]:
+        """The column of an unknown, in one row only, from there on."""
+        column, count = self._columns.of[j], len(self._rows)
+        rest = [0.0] * (count - begun - 1)
+        return [column[begun], *rest, column[count + begun], *rest]
 
     def _ramps(self, count: int) -> list[list[float]]:
         """Columns of a drift north and of one east, over the last rows."""
@@ -376,7 +451,7 @@ class _Comparison:
 
 
 def _likeliest(variants: Sequence[_Variant]) -> _Variant:
-    return max(variants, key=lambda one: one.fit.likelihood)
+    return max(variants, key=lambda one: one.likelihood)
 
 
 def _has_begun(mine: Sequence[_Variant]) -> bool:
@@ -384,7 +459,7 @@ def _has_begun(mine: Sequence[_Variant]) -> bool:
     if mine[0].cause not in (Cause.GYRO, Cause.ACCELEROMETER):
         return True
     begun, constant = (
-        max((one.fit.likelihood for one in mine if (one.own > 0) is own), default=-math.inf)
+        max((one.likelihood for one in mine if (one.own > 0) is own), default=-math.inf)
         for own in (True, False)
     )
     return begun - constant > math.log(DECIDED)

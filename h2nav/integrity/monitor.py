@@ -28,6 +28,7 @@ from h2nav.integrity.cause_alarms import cause_alarm
 from h2nav.integrity.causes import NOTHING, Cause, Explained, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.heights import Heights
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
 from h2nav.integrity.kernel.memory import (
     BEGUN,
@@ -91,9 +92,23 @@ CONFIRMED_RAD = 15.0 * DEG
 CONFIRMED_RATIO = 0.5
 # and stays confirmed as long as the gyro alone would hold it.
 SHOWN_US = 10_000_000
-# Samples further apart alias a vehicle's vibration (propellers from some 30 Hz on).
+# Samples further apart alias a vehicle's vibration (propellers from some 30 Hz on): a mean force
+# may be wrong by the whole amplitude on both axes, 2 times the rms and a margin; a rate, if
+# anything shakes.
 SLOW_US = 15_000.0
 SLOW_SHARE = 0.01
+ALIASED = 3.0
+SHAKEN_M_S2 = 1.0
+# A velocity that is false with this probability is not used while that is undecided.
+PROBABLY = 0.9
+# One that was found false is used again when the force of 10 s has agreed with it within a harmless
+# tilt for as long, or within the deviations for three times as long; or when its falsehood has
+# become this improbable; at the latest it is heard as if for the first time after this.
+HARMLESS_RAD = 1.5 * DEG
+PROVED_US = 10_000_000
+PASSED_US = 30_000_000
+IMPROBABLE = 0.1
+REFUSED_US = 120_000_000
 # A field used this recently holds the heading.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -133,6 +148,7 @@ class Monitor:
         self.field_is_frozen = False
         self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
+        self._heights = Heights(self._strapdown)
         self._field = FieldWindows(self._watch, self._strapdown)
         self._vehicle = VehicleState()
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
@@ -145,6 +161,10 @@ class Monitor:
         self._explained, self._explained_us = NOTHING, 0
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
+        # since when velocities are refused, by which decision, and when they last contradicted
+        self._refused_us: int | None = None
+        self._refused: Explained | None = None
+        self._differed_us = self._failed_us = 0
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._acquitted: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
@@ -234,6 +254,7 @@ class Monitor:
         if bits & BEGUN:
             self._velocity.restart()
             self._rows.restart()
+            self._heights.restart()
             self.ratios = InnovationRatios()
         if bits & ROW:
             self._field.end_row()
@@ -282,27 +303,41 @@ class Monitor:
                 self._is_confirmed, self._shown_us = True, fix.t_us
         return self._explain(fix.t_us, errors)
 
+    def use_height(self, t_us: int, height_m: float) -> None:
+        """Takes a height of the receiver."""
+        self._heights.take(t_us, height_m)
+
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
         mark = self._velocity.marks[-1]
-        is_row = self._rows.take(mark, errors)
-        known: Known | None = None
-        if is_row:
-            known = Known(errors, mark.moment, self._rows.jitter_m_s, self._receiver.errors)
-            if self._receiver.learn(self._rows.rows, known):
+        rows, known = self._rows, None
+        if rows.take(mark, errors):
+            known = Known(
+                errors,
+                mark.moment,
+                rows.jitter_m_s,
+                self._receiver.errors,
+                rows.force_density,
+                rows.usual_m_s2,
+            )
+            if self._receiver.learn(rows.rows, known):
                 # Earlier velocities were corrected otherwise.
                 self._velocity.restart()
                 self._rows.restart()
                 self._forget_cause()
                 return None
+        self._hear_velocity(t_us, None)
         is_settled = t_us - self._unsettled_us > LONG_S * 1e6
         if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
-            return None
-        if known is None or t_us - self._explained_us < self._spacing_us(t_us):
-            return None
+        elif known is not None and t_us - self._explained_us >= self._spacing_us(t_us):
+            return self._search(t_us, known)
+        return None
+
+    def _search(self, t_us: int, known: Known) -> SensorDoubt | None:
+        """Compares the causes; returns a doubt for the filter."""
         self._explained_us = t_us
-        found = self._explained = explain(self._rows.rows, known)
+        found = self._explained = explain(self._rows.rows, known, self._acquitted)
         self._note_drift(t_us, found)
         if found.is_contradiction and self._contradicted_us is None:
             self._contradicted_us = t_us
@@ -310,10 +345,11 @@ class Monitor:
             self._forget_cause()
             return None
         self._suspected_us = self._suspected_us or t_us
-        if found.decided is not None:
+        if found.decided is not None and not self._may_be_aliased(found):
             self._decisions[found.decided] += 1
             self._shown[found.decided] = found
-        elif t_us - self._suspected_us < SUSPECTED_US:
+        self._hear_velocity(t_us, found)
+        if found.decided is None and t_us - self._suspected_us < SUSPECTED_US:
             return None
         return None if self.velocity_is_false else doubt_of(found)
 
@@ -338,12 +374,20 @@ class Monitor:
     @property
     def _decided(self) -> Cause | None:
         """The cause decided most often since the beginning, which later windows may miss."""
-        if not self._decisions or self._period_us >= SLOW_US:
+        if not self._decisions:
             return None
         cause = self._decisions.most_common(1)[0][0]
         if cause in self._acquitted:
             return None
         return cause if cause is not Cause.VELOCITY or self.velocity_is_false else None
+
+    def _may_be_aliased(self, found: Explained) -> bool:
+        """Whether vibration between slow samples may look like the fault of a sensor."""
+        if self._period_us < SLOW_US:
+            return False
+        if found.decided is Cause.ACCELEROMETER:
+            return ALIASED * self.vibration_m_s2 > found.step
+        return found.decided is Cause.GYRO and self.vibration_m_s2 > SHAKEN_M_S2
 
     @property
     def field_fits(self) -> bool | None:
@@ -383,6 +427,7 @@ class Monitor:
         self._strapdown.restart()
         self._velocity.restart()
         self._rows.restart()
+        self._heights.restart()
         self._field.restart()
         self._windows = []
         self._forget_cause()
@@ -405,19 +450,53 @@ class Monitor:
 
     @property
     def velocity_is_false(self) -> bool:
-        """Whether only a false velocity explains the contradiction, and the gyro is not in doubt.
+        """Whether the velocity must not be fused: it would bend the attitude.
 
-        Such a velocity must not be fused: it would bend the attitude. A heading held by velocities
-        alone does not count against them, nor do forces sampled too slowly for the vehicle's
-        vibration.
+        So it is while only a false velocity explains a contradiction and the gyro is not in doubt,
+        and then until it has proved itself. A heading held by velocities alone does not count
+        against them, nor do forces sampled too slowly for the vehicle's vibration.
         """
-        t_us, since_us = self._strapdown.t_us, self._contradicted_us
-        if t_us is None or since_us is None or t_us - since_us < BLAME_US or not self._decisions:
-            return False
-        is_decided = self._decisions.most_common(1)[0][0] is Cause.VELOCITY
+        return self._refused_us is not None
+
+    def _hear_velocity(self, t_us: int, found: Explained | None) -> None:
+        """Begins to refuse the velocity, or ends it.
+
+        Args:
+            found: a new explanation; None without one.
+        """
         # Only a field can confirm the gyro.
-        is_decided &= self.ratios.of_turn < OPEN_RATIO and self._field_holds
-        return is_decided and self._period_us < SLOW_US
+        is_held = self.ratios.of_turn < OPEN_RATIO and self._field_holds
+        if self._refused_us is None:
+            if is_held and self._is_contradicted_by_velocity(t_us, found):
+                self._refused_us = self._differed_us = self._failed_us = t_us
+                self._refused = self._shown.get(Cause.VELOCITY)
+            return
+        if self._refused is None:
+            self._refused = self._shown.get(Cause.VELOCITY)
+        long = self._windows[-1] if self._windows else None
+        if long is None or not self.ratios.velocity_10s < 1.0:
+            self._failed_us = t_us
+        if long is None or long.length_s < SURE_S or long.tilt_rad > HARMLESS_RAD:
+            self._differed_us = t_us
+        is_proved = t_us - self._differed_us > PROVED_US or t_us - self._failed_us > PASSED_US
+        is_improbable = (
+            found is not None
+            and found.is_contradiction
+            and found.share(Cause.VELOCITY) < IMPROBABLE
+        )
+        is_late = t_us - self._refused_us > REFUSED_US
+        if is_proved or is_improbable or is_late or not self.ratios.of_turn < 1.0:
+            self._refused_us = self._refused = None
+            self._decisions.pop(Cause.VELOCITY, None)
+
+    def _is_contradicted_by_velocity(self, t_us: int, found: Explained | None) -> bool:
+        """Whether a false velocity is the cause, or so probably that it is safer not to use it."""
+        since_us = self._contradicted_us
+        if found is None or since_us is None or t_us - since_us < BLAME_US:
+            return False
+        if self._decisions and self._decisions.most_common(1)[0][0] is Cause.VELOCITY:
+            return True
+        return found.is_seen and found.share(Cause.VELOCITY) > PROBABLY
 
     def _open(self) -> None:
         """Updates the errors that measurements show."""
@@ -479,10 +558,18 @@ class Monitor:
             found.append(self._turn_alarm(tests["turn"].since_s(t_us)))
         if tests["field"].is_raised or self._field_turns:
             found.append(self._field_alarm(t_us))
-        return (*found, *self._cause_alarms(t_us, {alarm.kind for alarm in found}))
+        found += self._cause_alarms(t_us, {alarm.kind for alarm in found})
+        upright = self._heights.alarm(self._imu, t_us)
+        is_new = upright is not None and upright.kind not in {alarm.kind for alarm in found}
+        if upright is not None and is_new and Cause.ACCELEROMETER not in self._acquitted:
+            found.append(upright)
+        return tuple(found)
 
     def _cause_alarms(self, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
         """The cause of a lasting contradiction; undecided once only."""
+        if self._refused is not None and self._refused_us is not None:
+            since_s = (t_us - self._refused_us) * 1e-6
+            return [cause_alarm(self._refused, Cause.VELOCITY, self._imu, since_s)]
         if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
             return []
         since_s = (t_us - self._contradicted_us) * 1e-6

@@ -8,6 +8,7 @@ Equations: docs/integrity.md, section 5.
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -37,7 +38,10 @@ ANTENNA_JITTER_M = 0.02
 # Time after which nothing learnt counts: another receiver may have been chosen.
 FORGOTTEN_S = 900.0
 # A window is used from this share of its length on.
-MIN_SHARE = 0.9
+MIN_SHARE = 0.75
+# The newest velocities teach nothing until this time has confirmed them: a fault that begins looks
+# like a velocity that is late.
+UNCONFIRMED_US = 1_500_000
 # Windows that the unknowns do not explain count with larger noise, up to this many times.
 MAX_NOISE = 3.0
 # A place of the antenna counts beyond this many of its deviations.
@@ -115,20 +119,19 @@ class LearntReceiver:
         self.noise_m_s = known.jitter_m_s
         if not rows or rows[0].begun.moment.t_us < self._learnt_us:
             return False
-        length_s = 1e-6 * (known.moment.t_us - rows[0].begun.moment.t_us)
-        if length_s < MIN_SHARE * LENGTH_S:
+        newest_us = known.moment.t_us - UNCONFIRMED_US
+        used = rows[: bisect_right(rows, newest_us, key=_ended_us)]
+        length_s = 1e-6 * (used[-1].ended.moment.t_us - rows[0].begun.moment.t_us) if used else 0.0
+        if length_s < MIN_SHARE * LENGTH_S or self._scale(_window(rows, known)) > MAX_NOISE:
             return False
+        known = known._replace(moment=used[-1].ended.moment)
         self._learnt_us = known.moment.t_us
         share = length_s / FORGOTTEN_S
         for i in range(4):
             grown = self._covariance[i][i] + share * PRIOR[i] ** 2
             self._covariance[i][i] = min(grown, PRIOR[i] ** 2)
         self._note()
-        window = VelocityModel(rows, known)
-        for place in (FORCE, FORCE + 1):
-            # The filter may have learnt it from velocities that were late or off the centre.
-            window.sigmas[place] = max(window.sigmas[place], FORCE_SIGMA_M_S2)
-        return self._update(window)
+        return self._update(_window(used, known))
 
     def _update(self, window: VelocityModel) -> bool:
         scale = self._scale(window)
@@ -169,6 +172,18 @@ class LearntReceiver:
         moved = [sum(row[j] * found[place] for j, place in enumerate(PLACES)) for row in root]
         half = [[dot(row, line) for line in spread] for row in root]
         return _Estimate(moved, [[dot(line, row) for row in root] for line in half])
+
+
+def _ended_us(row: VelocityRow) -> int:
+    return row.ended.moment.t_us
+
+
+def _window(rows: Sequence[VelocityRow], known: Known) -> VelocityModel:
+    window = VelocityModel(rows, known)
+    for place in (FORCE, FORCE + 1):
+        # The filter may have learnt it from velocities that were late or off the centre.
+        window.sigmas[place] = max(window.sigmas[place], FORCE_SIGMA_M_S2)
+    return window
 
 
 class _Estimate(NamedTuple):

@@ -35,6 +35,8 @@ class Known(NamedTuple):
     moment: Moment  # of the last mark
     jitter_m_s: float  # noise of single velocities
     receiver: ReceiverErrors = UNKNOWN  # what is not known of delay and antenna
+    force_density: float = math.inf  # the most that the velocities allow, squared, m^2/s^3
+    usual_m_s2: float = math.inf  # horizontal acceleration before the window, rms
 
 
 class VelocityModel:
@@ -59,7 +61,7 @@ class VelocityModel:
         gained = (last.gained_variance - first.gained_variance) / length_s
         # The noises, increased by what slow samples miss.
         rate_density = known.errors.rate_density + turned
-        self.force_density = known.errors.force_density + gained
+        self.force_density = min(known.errors.force_density + gained, known.force_density)
         self.lengths_s = [row.length_s for row in rows]
         stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
         self._wander = WANDERS * WANDERS * stated / LENGTH_S

@@ -29,6 +29,13 @@ USED = 6
 GAINED, TURNED, BENT, PUSHED, VECTORS = 0, 1, 1 + TURNS, 1 + 2 * TURNS, 3 + 2 * TURNS
 # Most that rare deviations count, in usual ones.
 SELDOM = 3.0
+# Horizontal acceleration of a vehicle of which nothing is known, and of the calmest one, m/s^2 rms;
+# how long an earlier one counts.
+UNKNOWN_ACCEL_M_S2 = 3.0
+CALM_ACCEL_M_S2 = 0.3
+USUAL_S = 20.0
+# Fewer second differences (two a mark) say nothing of a noise.
+MIN_BENDS = 10
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
@@ -123,7 +130,13 @@ class VelocityRows:
     """
 
     def __init__(self) -> None:
+        self._accel_square, self._known_s = UNKNOWN_ACCEL_M_S2**2, 0.0
         self.restart()
+
+    @property
+    def usual_m_s2(self) -> float:
+        """Horizontal acceleration by the velocities before the window, rms."""
+        return max(math.sqrt(self._accel_square), CALM_ACCEL_M_S2)
 
     def restart(self) -> None:
         """Restarts, as the strapdown does."""
@@ -132,6 +145,7 @@ class VelocityRows:
         self._last: Mark | None = None
         self._step: tuple[float, float] | None = None
         self._bends: list[tuple[int, float]] = []
+        self._spacing_s = 1.0  # of the latest two marks
 
     def take(self, mark: Mark, errors: SensorErrors) -> bool:
         """Takes a mark and the filter's knowledge of its sensors; whether it ends a row."""
@@ -152,10 +166,17 @@ class VelocityRows:
         self.rows.append(row)
         oldest_us = mark.moment.t_us - round(1.02e6 * LENGTH_S)
         while self.rows[0].begun.moment.t_us < oldest_us:
-            del self.rows[0]
+            self._forget(self.rows.pop(0))
         while self._bends and self._bends[0][0] < oldest_us:
             del self._bends[0]
         return True
+
+    def _forget(self, row: VelocityRow) -> None:
+        self._known_s = min(self._known_s + row.length_s, USUAL_S)
+        noise = 4.0 * self.jitter_m_s**2
+        square = math.dist(row.begun.v_n, row.ended.v_n) ** 2 - noise
+        share = row.length_s / self._known_s
+        self._accel_square += share * (max(square, 0.0) / row.length_s**2 - self._accel_square)
 
     @property
     def jitter_m_s(self) -> float:
@@ -171,8 +192,19 @@ class VelocityRows:
         rms = math.sqrt(sum(map(mul, bends, bends)) / len(bends))
         return min(max(usual, rms), SELDOM * usual) / math.sqrt(6.0)
 
+    @property
+    def force_density(self) -> float:
+        """The most white noise of the force that the second differences allow, squared, m^2/s^3.
+
+        The vibration that single samples show averages out, as far as it is not aliased: what is
+        left of it from mark to mark is part of the second differences, twice.
+        """
+        if len(self._bends) < MIN_BENDS:
+            return math.inf
+        return 3.0 * self.jitter_m_s**2 / self._spacing_s
+
     def _see_bend(self, before: Mark, mark: Mark) -> None:
-        dt_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
+        dt_s = self._spacing_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
         step = (
             mark.v_n[0] - before.v_n[0] - mark.accel_n[0] * dt_s,
             mark.v_n[1] - before.v_n[1] - mark.accel_n[1] * dt_s,

@@ -201,17 +201,18 @@ class Aiding:
     def on_gps(self, t_ns: int, fix: GpsFix) -> list[Effect]:
         """Takes a fix of the receiver."""
         effects = self.on_place(t_ns, fix.place)
-        newest_us = self._estimation.newest_t_us
+        newest_us = self._estimation.heard_t_us
         velocity = None if newest_us is None else gps_velocity(fix, newest_us)
         if velocity is not None:
             self._witness.fix(velocity)
+            self._estimation.use_height(velocity.t_us, fix.place.altitude_m)
         if not self._settings.gps_velocity:
             return effects
         return effects + self._pass_velocity(t_ns, velocity)
 
     def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:
         """Takes a velocity of the autopilot's estimator."""
-        newest_us = self._estimation.newest_t_us
+        newest_us = self._estimation.heard_t_us
         if not self._settings.autopilot_velocity or newest_us is None:
             return []
         return self._pass_velocity(t_ns, autopilot_velocity(velocity, newest_us))

@@ -178,6 +178,11 @@ class Estimation:
         """Time of the newest sample used."""
         return self._newest[0] if self._newest else None
 
+    @property
+    def heard_t_us(self) -> int | None:
+        """Time of the newest sample of any IMU, used or not: the autopilot's clock."""
+        return max((lane.newest.t_us for lane in self._lanes if lane.newest), default=None)
+
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
         return self._sent.objections(t_ns) if self._sent else ()
@@ -347,6 +352,11 @@ class Estimation:
         """Passes a velocity on; a dependent one marks all later estimates as dependent."""
         for lane in self._lanes:
             lane.use_velocity(fix)
+
+    def use_height(self, t_us: int, height_m: float) -> None:
+        """Passes a receiver's height on."""
+        for lane in self._lanes:
+            lane.use_height(t_us, height_m)
 
     def use_vibration(self, t_ns: int, vibration: Vibration) -> None:
         """Takes the autopilot's report of vibration and clipped samples."""

@@ -38,9 +38,9 @@ def check(s: Memory, g: Gains, sample: Sample) -> int:
         s.field_turned_rad = s.field_turned_rad + turn_of(sample.gyro, s.step_us)
     s.has_begun = 1.0
     s.t_us = sample.t_us
-    s.field_frozen = 0.0
-    if field_is_frozen(s, sample.mag, sample.has_mag) == 1:
-        s.field_frozen = 1.0
+    frozen = field_is_frozen(s, sample.mag, sample.has_mag)
+    s.field_frozen = frozen
+    if frozen == 1:
         bits = bits | FIELD_FROZEN
     return bits
 

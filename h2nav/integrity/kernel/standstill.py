@@ -169,9 +169,11 @@ def stuck_axis(s: Memory, first: int) -> int:
 
 
 def field_is_frozen(s: Memory, field: list[float], has_field: float) -> int:
-    """Returns 1 if the compass is frozen; the caller counts the turns."""
+    """Returns 1 if the compass is frozen, by its latest field; the caller counts the turns."""
     s.field_still_us = s.field_still_us + s.step_us
     if has_field <= 0.0:
+        if s.field_frozen > 0.0:
+            return 1
         return 0
     same = 1
     for i in range(3):
