@@ -64,6 +64,8 @@ class Kind(StrEnum):
     CORES_DIFFER = "cores_differ"
     CRASH = "crash"
     ESTIMATOR_SWITCH = "estimator_switch"
+    GNSS_JAMMED = "gnss_jammed"
+    GNSS_SPOOFED = "gnss_spoofed"
     GPS_ACCURACY = "gps_accuracy"
     GPS_FROZEN = "gps_frozen"
     GPS_JUMP = "gps_jump"
@@ -194,6 +196,22 @@ MEANINGS: dict[Kind, Meaning] = {
         "near it.",
         "Each compass's orientation (ArduPilot: COMPASS_ORIENT) and calibration; do not take off "
         "while nothing shows which one is right.",
+    ),
+    Kind.GNSS_JAMMED: Meaning(
+        _GPS,
+        _WARNING,
+        "",
+        "The receiver reported that something drowned the signals of the satellites.",
+        "Transmitters on board (video, telemetry, LTE) and their distance to the antenna; then the "
+        "place.",
+    ),
+    Kind.GNSS_SPOOFED: Meaning(
+        _GPS,
+        _WARNING,
+        "m | ",  # by a receiver's word the size is its state
+        "Position and velocity of the receiver moved as the vehicle did not: the signals were not "
+        "those of the satellites.",
+        "The place and time of the flight; fly by attitude and height alone while it lasts.",
     ),
     Kind.GPS_VELOCITY: Meaning(
         _GPS,

@@ -458,6 +458,11 @@ class Monitor:
         """
         return self._refused_us is not None
 
+    @property
+    def velocity_is_known_false(self) -> bool:
+        """Whether that is decided, and not only probable."""
+        return self._refused_us is not None and self._refused is not None
+
     def _hear_velocity(self, t_us: int, found: Explained | None) -> None:
         """Begins to refuse the velocity, or ends it.
 

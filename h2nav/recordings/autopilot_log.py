@@ -40,8 +40,9 @@ from h2nav.recordings.imu_series import (
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import Log
 from h2nav.wire.attitude import ReportedAttitude
+from h2nav.wire.dialect import GNSS_INTEGRITY_ID
 from h2nav.wire.imu import RECORDED_IMU, ImuReading
-from h2nav.wire.position import GpsFix, NoFix, Origin, Place
+from h2nav.wire.position import GnssState, GpsFix, NoFix, Origin, Place
 from h2nav.wire.readers import Envelope, Message
 from h2nav.wire.vehicle import (
     EARLIEST_UNIX_S,
@@ -172,6 +173,7 @@ def _streams(recorded: Recorded) -> list[_Stream]:
         message_id = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         streams.append(_Stream(seconds[:1], message_id, lambda part: repeat(origin)))
     for receiver in context.gps:
+        streams += _signal_states(recorded, receiver)
         if receiver.receiver == recorded.receiver:
             streams.append(_fixes(recorded, receiver))
     if recorded.airspeed_m_s is not None:
@@ -237,6 +239,20 @@ def _landed(t_us: Times, start_us: int, airborne: Series) -> _Stream:
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
         lambda part: map(LandedState, landed[part].tolist()),
     )
+
+
+def _signal_states(recorded: Recorded, track: GpsTrack) -> list[_Stream]:
+    """What a receiver says of its signals; nothing if it says nothing."""
+    if track.jamming is None or track.spoofing is None:
+        return []
+    states = np.stack((track.jamming, track.spoofing), axis=1)
+
+    def make(part: slice) -> Iterator[Message]:
+        for jamming, spoofing in states[part].tolist():
+            yield GnssState(track.receiver, jamming, spoofing)
+
+    t_us = _boot_us(recorded.start_us, track.t_s)
+    return [_Stream(t_us, GNSS_INTEGRITY_ID, make)]
 
 
 def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:

@@ -96,6 +96,9 @@ class GpsTrack(NamedTuple):
     v_n: Array  # (N, 3) NED, m/s
     sigma_m_s: Array  # (N,) accuracy of the velocity stated by the receiver
     satellites: Array  # (N,) used
+    # (N,) what it says of its signals: GPS_JAMMING_STATE and GPS_SPOOFING_STATE; None if nothing
+    jamming: NDArray[np.int64] | None = None
+    spoofing: NDArray[np.int64] | None = None
 
 
 class Series(NamedTuple):

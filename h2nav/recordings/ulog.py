@@ -385,6 +385,10 @@ def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
         v_n,
         np.where(sigma > 0.0, sigma, DEFAULT_SIGMA_M_S),
         table.numbers_or_nan("satellites_used"),
+        *(
+            table.integers(name) if name in table else None
+            for name in ("jamming_state", "spoofing_state")
+        ),
     )
 
 

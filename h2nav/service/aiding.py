@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.integrity.gnss import GnssVerdict, SignalState
 from h2nav.integrity.witness import Witness
 from h2nav.maths.air import standard_density_kg_m3, true_airspeed_m_s
 from h2nav.service.autopilot import Autopilot
@@ -18,7 +19,15 @@ from h2nav.service.estimation import Estimation
 from h2nav.service.limits import SECOND_NS, RateLimit, Steady
 from h2nav.service.records import AidingRecord
 from h2nav.service.settings import AidingSettings, NorthSettings
-from h2nav.wire.position import DEFAULT_SIGMA_M_S, EstimatedVelocity, GpsFix, Origin, Place
+from h2nav.wire.position import (
+    DEFAULT_SIGMA_M_S,
+    EstimatedVelocity,
+    GnssState,
+    GpsFix,
+    Origin,
+    OtherFix,
+    Place,
+)
 from h2nav.wire.vehicle import Airspeed, LandedState, SystemTime
 
 EarthFieldAt = Callable[[float, float, float, float], EarthField | None]
@@ -110,6 +119,9 @@ class Aiding:
 
     Args:
         witness: takes the receiver's velocities, fused or not.
+
+    Attributes:
+        gnss: the verdict on satellite navigation; has its alarms.
     """
 
     def __init__(
@@ -125,6 +137,7 @@ class Aiding:
         self._autopilot = autopilot
         self._estimation = estimation
         self._witness = witness
+        self.gnss = GnssVerdict()
         self._fixes = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeeds = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeed_m_s: float | None = None  # true
@@ -198,6 +211,19 @@ class Aiding:
         """Takes the place of the start, which suffices until the position is known."""
         return [] if self._field.is_known else self.on_place(t_ns, origin.place)
 
+    def on_receiver(self, t_ns: int, said: GpsFix | OtherFix | GnssState) -> list[Effect]:
+        """Takes what a receiver sends."""
+        if isinstance(said, GpsFix):
+            return self.on_gps(t_ns, said)
+        heard_us = self._estimation.heard_t_us
+        if heard_us is not None and isinstance(said, GnssState):
+            self.gnss.state(heard_us, SignalState(*said))
+        elif heard_us is not None and isinstance(said, OtherFix):
+            velocity, place = gps_velocity(said.fix, heard_us), said.fix.place
+            if velocity is not None:
+                self.gnss.other_fix(velocity, place.latitude_deg, place.longitude_deg)
+        return []
+
     def on_gps(self, t_ns: int, fix: GpsFix) -> list[Effect]:
         """Takes a fix of the receiver."""
         effects = self.on_place(t_ns, fix.place)
@@ -206,9 +232,13 @@ class Aiding:
         if velocity is not None:
             self._witness.fix(velocity)
             self._estimation.use_height(velocity.t_us, fix.place.altitude_m)
-        if not self._settings.gps_velocity:
-            return effects
-        return effects + self._pass_velocity(t_ns, velocity)
+        if self._settings.gps_velocity:
+            effects += self._pass_velocity(t_ns, velocity)
+        if velocity is not None:
+            is_false = self._estimation.velocity_is_false
+            place = fix.place
+            self.gnss.fix(velocity, place.latitude_deg, place.longitude_deg, is_false=is_false)
+        return effects
 
     def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:
         """Takes a velocity of the autopilot's estimator."""

@@ -183,6 +183,11 @@ class Estimation:
         """Time of the newest sample of any IMU, used or not: the autopilot's clock."""
         return max((lane.newest.t_us for lane in self._lanes if lane.newest), default=None)
 
+    @property
+    def velocity_is_false(self) -> bool:
+        """Whether the force has shown that the receiver's velocity is false."""
+        return self._sent is not None and self._sent.monitor.velocity_is_known_false
+
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
         return self._sent.objections(t_ns) if self._sent else ()

@@ -47,7 +47,14 @@ from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import IMU_MESSAGES, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.outbound import OutMessage
-from h2nav.wire.position import EstimatedVelocity, GpsFix, Origin, Place
+from h2nav.wire.position import (
+    EstimatedVelocity,
+    GnssState,
+    GpsFix,
+    Origin,
+    OtherFix,
+    Place,
+)
 from h2nav.wire.questions import (
     Command,
     ParameterList,
@@ -132,13 +139,15 @@ class Service:
             has_listener=surroundings.has_listener,
         )
         self._comparing = Comparing()
-        self._judgement = Judgement(self._notices.report, self._estimation, self._comparing.witness)
         self._aiding = Aiding(
             settings.aiding,
             FieldOfTheEarth(settings.north, surroundings.field_at, surroundings.unix_s),
             self._autopilot,
             self._estimation,
             self._comparing.witness,
+        )
+        self._judgement = Judgement(
+            self._notices.report, self._estimation, self._comparing.witness, self._aiding.gnss
         )
         self.motion = motion_for(
             settings,
@@ -509,14 +518,15 @@ class Service:
         self._clocks.restart()
         self.motion.restart()
         self._comparing.witness.restart()
+        self._aiding.gnss.restart()
         self._outputs.forget()
 
     def _on_vehicle_message(self, t_ns: int, message: Message) -> list[Effect]:
         """Takes a report of the bound autopilot on itself and its vehicle."""
         aiding = self._aiding
         match message:
-            case GpsFix():
-                return aiding.on_gps(t_ns, message)
+            case GpsFix() | OtherFix() | GnssState():
+                return aiding.on_receiver(t_ns, message)
             case Place():
                 return aiding.on_place(t_ns, message)
             case Origin():

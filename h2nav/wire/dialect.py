@@ -108,7 +108,49 @@ def _base_size(name: str, fields: tuple[WireField, ...], crc_extra: int) -> int:
     raise AssertionError(f"{name}: CRC_EXTRA {crc_extra} fits no prefix of its fields")
 
 
-LAYOUTS: dict[int, MessageLayout] = {
+GNSS_INTEGRITY_ID = 441
+# Messages of MAVLink's common definitions that the generated dialect does not have yet, with their
+# fields in the order of the wire.
+_NEWER = (
+    MessageLayout(
+        msg_id=GNSS_INTEGRITY_ID,
+        name="GNSS_INTEGRITY",
+        wire_fields=(
+            WireField("system_errors", "uint32_t", 0),
+            WireField("raim_hfom", "uint16_t", 0),
+            WireField("raim_vfom", "uint16_t", 0),
+            WireField("id", "uint8_t", 0),
+            WireField("authentication_state", "uint8_t", 0),
+            WireField("jamming_state", "uint8_t", 0),
+            WireField("spoofing_state", "uint8_t", 0),
+            WireField("raim_state", "uint8_t", 0),
+            WireField("corrections_quality", "uint8_t", 0),
+            WireField("system_status_summary", "uint8_t", 0),
+            WireField("gnss_signal_quality", "uint8_t", 0),
+            WireField("post_processing_quality", "uint8_t", 0),
+        ),
+        field_names=(
+            "id",
+            "system_errors",
+            "authentication_state",
+            "jamming_state",
+            "spoofing_state",
+            "raim_state",
+            "raim_hfom",
+            "raim_vfom",
+            "corrections_quality",
+            "system_status_summary",
+            "gnss_signal_quality",
+            "post_processing_quality",
+        ),
+        size=17,
+        base_size=17,
+        crc_extra=169,
+        carries_bytes=False,
+    ),
+)
+
+LAYOUTS: dict[int, MessageLayout] = {layout.msg_id: layout for layout in _NEWER} | {
     msg_id: _layout(message) for msg_id, message in ardupilotmega.mavlink_map.items()
 }
-"""Every message of the dialect by id."""
+"""Every message of the dialect, and of newer ones, by id."""

@@ -45,6 +45,20 @@ class NoFix(NamedTuple):
     """GPS_RAW_INT without a 3D fix."""
 
 
+class OtherFix(NamedTuple):
+    """GPS2_RAW with a 3D fix."""
+
+    fix: GpsFix  # of the second receiver
+
+
+class GnssState(NamedTuple):
+    """GNSS_INTEGRITY: what a receiver says of its signals; numbers of newer dialects included."""
+
+    receiver: int  # its number, from 0
+    jamming: int  # GPS_JAMMING_STATE
+    spoofing: int  # GPS_SPOOFING_STATE
+
+
 class EstimatedVelocity(NamedTuple):
     """LOCAL_POSITION_NED: the velocity of the autopilot's own estimator."""
 
@@ -66,6 +80,17 @@ def gps_raw_int(m: Any) -> GpsFix | NoFix:
     speed_m_s, course = m.vel * 0.01, math.radians(m.cog * 0.01)
     v_n = (speed_m_s * math.cos(course), speed_m_s * math.sin(course), math.nan)
     return GpsFix(time_us, place, v_n, sigma_m_s)
+
+
+def gps2_raw(m: Any) -> OtherFix | NoFix:
+    """GPS2_RAW, like GPS_RAW_INT."""
+    fix = gps_raw_int(m)
+    return OtherFix(fix) if isinstance(fix, GpsFix) else fix
+
+
+def gnss_integrity(m: Any) -> GnssState:
+    """GNSS_INTEGRITY."""
+    return GnssState(m.id, m.jamming_state, m.spoofing_state)
 
 
 def global_position(m: Any) -> Place:

@@ -7,9 +7,18 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.wire import attitude, motion, position, questions, vehicle
 from h2nav.wire.attitude import ReportedAttitude
+from h2nav.wire.dialect import GNSS_INTEGRITY_ID, LAYOUTS
 from h2nav.wire.imu import IMU_MESSAGES, RECORDED_IMU, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
-from h2nav.wire.position import EstimatedVelocity, GpsFix, NoFix, Origin, Place
+from h2nav.wire.position import (
+    EstimatedVelocity,
+    GnssState,
+    GpsFix,
+    NoFix,
+    Origin,
+    OtherFix,
+    Place,
+)
 from h2nav.wire.questions import Question
 from h2nav.wire.vehicle import (
     Airspeed,
@@ -26,6 +35,8 @@ from h2nav.wire.vehicle import (
 Message = (
     ImuReading
     | GpsFix
+    | OtherFix
+    | GnssState
     | NoFix
     | Place
     | Origin
@@ -78,6 +89,8 @@ READERS: dict[int, Reader] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude.attitude,
     mavlink.MAVLINK_MSG_ID_AHRS2: attitude.ahrs2,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: position.gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_GPS2_RAW: position.gps2_raw,
+    GNSS_INTEGRITY_ID: position.gnss_integrity,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: position.global_position,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: position.origin,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: position.origin,
@@ -97,4 +110,4 @@ def message_name(message_id: int) -> str:
     """The dialect's name, such as ``RAW_IMU``."""
     if message_id == RECORDED_IMU:
         return IMU_MESSAGES[RECORDED_IMU].name
-    return str(mavlink.mavlink_map[message_id].msgname)
+    return LAYOUTS[message_id].name

@@ -48,7 +48,13 @@ NAMES_OF_KINDS: dict[AnyKind, str] = {
     Kind.IMU_SLOW: LINK,
 }
 COMPARISONS = (Kind.AUTOPILOT_HEADING, Kind.AUTOPILOT_TILT)
-BY_BEGINNING = {"accelerometer": ACCELEROMETER, "gyro": GYRO, "compass": COMPASS, "gps": RECEIVER}
+BY_BEGINNING = {
+    "accelerometer": ACCELEROMETER,
+    "gyro": GYRO,
+    "compass": COMPASS,
+    "gps": RECEIVER,
+    "gnss": RECEIVER,
+}
 BY_SENSOR = {
     SensorKind.AUTOPILOT: AUTOPILOT,
     SensorKind.AHRS2: AUTOPILOT,

@@ -45,6 +45,7 @@ KINDS = (
         MEANINGS[Kind.ATTITUDE_VELOCITY],
         section="innovations",
         follows=(
+            Kind.GNSS_SPOOFED,
             Kind.GYRO_BIAS,
             Kind.ACCELEROMETER_SCALE,
             Kind.GYRO_FROZEN,
@@ -59,6 +60,7 @@ KINDS = (
         phrase="the autopilot's heading was wrong",
         section="difference",
         follows=(
+            Kind.GNSS_SPOOFED,
             Kind.GYRO_BIAS,
             Kind.COMPASS_DEAD,
             Kind.GYRO_FROZEN,
@@ -74,6 +76,7 @@ KINDS = (
         phrase="the autopilot's roll or pitch was wrong",
         section="difference",
         follows=(
+            Kind.GNSS_SPOOFED,
             Kind.GYRO_BIAS,
             Kind.GYRO_FROZEN,
             Kind.IMU_TOO_SLOW,
@@ -130,11 +133,27 @@ KINDS = (
     ),
     Declared(Kind.COMPASSES_DIFFER, MEANINGS[Kind.COMPASSES_DIFFER]),
     Declared(
+        Kind.GNSS_JAMMED,
+        MEANINGS[Kind.GNSS_JAMMED],
+        phrase="satellite navigation was jammed",
+        section="gps",
+        traits=Trait.UPSET,
+    ),
+    Declared(
+        Kind.GNSS_SPOOFED,
+        MEANINGS[Kind.GNSS_SPOOFED],
+        phrase="satellite navigation was spoofed",
+        section="gps",
+        traits=Trait.UPSET,
+    ),
+    Declared(
         Kind.GPS_VELOCITY,
         MEANINGS[Kind.GPS_VELOCITY],
         phrase="the GPS velocity was wrong",
         section="gps",
         follows=(
+            Kind.GNSS_JAMMED,
+            Kind.GNSS_SPOOFED,
             Kind.ACCELEROMETER_SCALE,
             Kind.IMU_TOO_SLOW,
             Kind.VIBRATION,
@@ -183,7 +202,7 @@ KINDS = (
         Kind.VELOCITY_LOST,
         MEANINGS[Kind.VELOCITY_LOST],
         section="gps",
-        follows=(Kind.GPS_LOST,),
+        follows=(Kind.GPS_LOST, Kind.GNSS_JAMMED),
         traits=Trait.ABOUT_RECORDING,
     ),
     Declared(

@@ -4,13 +4,18 @@ import struct
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.dialects.v20 import development
 from wire_frames import FrameMaker, raw_imu, with_checksum
 
 from h2nav.wire.codec import Encoder, decode, record_type
 from h2nav.wire.deframer import Deframer, Frame
 from h2nav.wire.dialect import LAYOUTS, MISSING_EXTENSIONS, MessageLayout
+from h2nav.wire.position import GnssState
+from h2nav.wire.readers import READERS
 
-EVERY_MESSAGE = [pytest.param(layout, id=layout.name) for layout in LAYOUTS.values()]
+EVERY_MESSAGE = [
+    pytest.param(LAYOUTS[msg_id], id=LAYOUTS[msg_id].name) for msg_id in mavlink.mavlink_map
+]
 
 
 def random_payload(layout: MessageLayout, rng: random.Random) -> bytes:
@@ -77,6 +82,16 @@ def test_every_message_survives_encoding_and_decoding(layout: MessageLayout) -> 
     (again,) = Deframer().feed(Encoder(1, 1).encode(message))
     known = len(message.get_fieldnames())  # without extensions that pymavlink lacks
     assert same(decode(again)[:known], decode(frame)[:known])
+
+
+def test_a_message_that_the_dialect_does_not_have_yet_decodes_like_its_definition() -> None:
+    """GNSS_INTEGRITY, an enumerator of the future included."""
+    message = development.MAVLink_gnss_integrity_message(1, 8, 3, 2, 9, 1, 120, 250, 4, 5, 6, 7)
+    packed = message.pack(development.MAVLink(None, srcSystem=1, srcComponent=1))
+    (frame,) = Deframer().feed(bytes(packed))
+    assert tuple(decode(frame)) == (1, 8, 3, 2, 9, 1, 120, 250, 4, 5, 6, 7)
+    assert list(decode(frame)._fields) == message.fieldnames
+    assert READERS[frame.msg_id](decode(frame)) == GnssState(1, 2, 9)
 
 
 def test_record_is_named_and_ordered_as_the_dialect() -> None:

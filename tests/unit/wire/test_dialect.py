@@ -20,8 +20,9 @@ BASE_SIZES = {
 
 
 def test_sizes_are_those_of_the_dialect() -> None:
-    for msg_id, layout in LAYOUTS.items():
-        message = mavlink.mavlink_map[msg_id]
+    assert mavlink.mavlink_map.keys() <= LAYOUTS.keys()
+    for msg_id, message in mavlink.mavlink_map.items():
+        layout = LAYOUTS[msg_id]
         added = MISSING_EXTENSIONS.get(layout.name, ())
         assert layout.size == message.unpacker.size + sum(field.size for field in added)
         assert 0 < layout.base_size <= layout.size <= 255
