@@ -28,7 +28,6 @@ from h2nav.integrity.cause_alarms import cause_alarm
 from h2nav.integrity.causes import NOTHING, Cause, Explained, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.heights import Heights
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
 from h2nav.integrity.kernel.memory import (
     BEGUN,
@@ -56,6 +55,7 @@ from h2nav.integrity.velocity_windows import (
     change_of_velocity,
     inertial_variance,
 )
+from h2nav.integrity.vertical_force import VerticalForce
 from h2nav.integrity.watch import Watch
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
@@ -80,6 +80,9 @@ GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
 JUDGED_S = 1e-6 * JUDGED_US
 FORCE_SHARE = JUDGED_S / LONG_S
+# An attitude bent by our own sensor judges no compass whose field has the earth's size, for this
+# long after the last decision against the sensor.
+BENT_US = 60_000_000
 # Beyond this, an error is no longer called a tilt.
 MOST_DEG = 90.0
 # To be the cause of a contradiction to gravity, the accelerometer's size must explain this much;
@@ -102,7 +105,7 @@ SHAKEN_M_S2 = 1.0
 # A velocity that is false with this probability is not used while that is undecided.
 PROBABLY = 0.9
 # One that was found false is used again when the force of 10 s has agreed with it within a harmless
-# tilt for as long, or within the deviations for three times as long; or when its falsehood has
+# tilt for as long, or within the deviations for 30 s; or when its falsehood has
 # become this improbable; at the latest it is heard as if for the first time after this.
 HARMLESS_RAD = 1.5 * DEG
 PROVED_US = 10_000_000
@@ -148,7 +151,7 @@ class Monitor:
         self.field_is_frozen = False
         self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
-        self._heights = Heights(self._strapdown)
+        self._vertical = VerticalForce(self._strapdown)
         self._field = FieldWindows(self._watch, self._strapdown)
         self._vehicle = VehicleState()
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
@@ -159,6 +162,7 @@ class Monitor:
         self._rows = VelocityRows()
         self._receiver = LearntReceiver()
         self._explained, self._explained_us = NOTHING, 0
+        self._bent_us: int | None = None  # when a sensor of ours was last decided to be wrong
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
         # since when velocities are refused, by which decision, and when they last contradicted
@@ -254,7 +258,7 @@ class Monitor:
         if bits & BEGUN:
             self._velocity.restart()
             self._rows.restart()
-            self._heights.restart()
+            self._vertical.restart()
             self.ratios = InnovationRatios()
         if bits & ROW:
             self._field.end_row()
@@ -305,7 +309,7 @@ class Monitor:
 
     def use_height(self, t_us: int, height_m: float) -> None:
         """Takes a height of the receiver."""
-        self._heights.take(t_us, height_m)
+        self._vertical.take(t_us, height_m)
 
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
@@ -347,6 +351,8 @@ class Monitor:
         self._suspected_us = self._suspected_us or t_us
         if found.decided is not None and not self._may_be_aliased(found):
             self._decisions[found.decided] += 1
+            if found.decided in (Cause.GYRO, Cause.ACCELEROMETER):
+                self._bent_us = t_us
             self._shown[found.decided] = found
         self._hear_velocity(t_us, found)
         if found.decided is None and t_us - self._suspected_us < SUSPECTED_US:
@@ -427,7 +433,7 @@ class Monitor:
         self._strapdown.restart()
         self._velocity.restart()
         self._rows.restart()
-        self._heights.restart()
+        self._vertical.restart()
         self._field.restart()
         self._windows = []
         self._forget_cause()
@@ -561,14 +567,20 @@ class Monitor:
                 found.append(make(tests[name].since_s(t_us)))
         if tests["turn"].is_raised and not self._turn_is_level:
             found.append(self._turn_alarm(tests["turn"].since_s(t_us)))
-        if tests["field"].is_raised or self._field_turns:
+        if (tests["field"].is_raised or self._field_turns) and not self._is_bent(t_us):
             found.append(self._field_alarm(t_us))
         found += self._cause_alarms(t_us, {alarm.kind for alarm in found})
-        upright = self._heights.alarm(self._imu, t_us)
+        upright = self._vertical.alarm(self._imu, t_us)
         is_new = upright is not None and upright.kind not in {alarm.kind for alarm in found}
         if upright is not None and is_new and Cause.ACCELEROMETER not in self._acquitted:
             found.append(upright)
         return tuple(found)
+
+    def _is_bent(self, t_us: int) -> bool:
+        """Whether an attitude bent by our own sensor explains a field of the right size."""
+        if self._bent_us is None or t_us - self._bent_us > BENT_US:
+            return False
+        return self._field.has_norm
 
     def _cause_alarms(self, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
         """The cause of a lasting contradiction; undecided once only."""

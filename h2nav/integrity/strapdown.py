@@ -20,6 +20,8 @@ from h2nav.maths.quaternion import conjugate, log, multiply
 from h2nav.maths.units import DEG
 
 LENGTH_US = 12_000_000
+# Nothing is known of a time this much later than the newest sample.
+AHEAD_US = 300_000
 # For an attitude without predicted deviations.
 ASSUMED_TILT_RAD = 2.0 * DEG
 ASSUMED_HEADING_RAD = 5.0 * DEG
@@ -113,7 +115,7 @@ class Strapdown:
         # A shorter tuple sorts before all that begin like it.
         index = bisect_left(past, (t_us + 1,))
         after = past[index] if index < len(past) else self._latest
-        if index == 0 or after is None:
+        if index == 0 or after is None or t_us > after.t_us + AHEAD_US:
             return None
         before = past[index - 1]
         span_us = after.t_us - before.t_us

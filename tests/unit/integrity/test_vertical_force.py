@@ -7,8 +7,8 @@ import pytest
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
-from h2nav.integrity.heights import Heights
 from h2nav.integrity.strapdown import Strapdown
+from h2nav.integrity.vertical_force import VerticalForce
 from h2nav.integrity.watch import Watch
 from h2nav.maths.units import GRAVITY_M_S2
 
@@ -21,7 +21,7 @@ def flown(scale: float, climb_m_s2, jump_m: float = 0.0, end_s: float = 30.0):
     """The alarm after a vertical flight; ``climb_m_s2`` by time, a jump of the height at 20 s."""
     watch = Watch()
     strapdown = Strapdown(watch)
-    heights = Heights(strapdown)
+    vertical = VerticalForce(strapdown)
     random = np.random.default_rng(3)
     height = climb = 0.0
     alarm, seen = None, []
@@ -38,8 +38,8 @@ def flown(scale: float, climb_m_s2, jump_m: float = 0.0, end_s: float = 30.0):
         strapdown.add(t_us, estimate)
         if i % 20 == 0:
             off = jump_m if i > 2000 else 0.0
-            heights.take(t_us, height + off + 0.3 * float(random.standard_normal()))
-            alarm = heights.alarm(IMU, t_us)
+            vertical.take(t_us, height + off + 0.3 * float(random.standard_normal()))
+            alarm = vertical.alarm(IMU, t_us)
             seen.append(alarm is not None)
     return alarm, seen
 

@@ -2,7 +2,7 @@
 
 Velocities over ground say nothing of it, and no tilt makes it. The climb of two spans some seconds
 apart, each the change of height divided by its time, is compared with what the force between them
-adds. Heights jump where satellites change, but no jump stays in a span.
+adds. VerticalForce jump where satellites change, but no jump stays in a span.
 """
 
 import math
@@ -16,7 +16,7 @@ from h2nav.integrity.velocity_windows import GATE, change_of_velocity
 SPAN_US = 2_000_000
 LENGTH_US = 10_000_000
 SPACING_US = 1_000_000
-# Heights used for the ends of a span lie within this of them.
+# VerticalForce used for the ends of a span lie within this of them.
 NEAR_US = 600_000
 # Height between fixes of a receiver, m; an accelerometer after its calibration, and the size of a
 # fault by its data sheet (60 mg and 5 % of scale), m/s^2.
@@ -28,7 +28,7 @@ RAISED_US = 2 * SPAN_US
 CLEARED_US = 3_000_000
 
 
-class Heights:
+class VerticalForce:
     """The heights of the last seconds beside a strapdown."""
 
     def __init__(self, strapdown: Strapdown) -> None:

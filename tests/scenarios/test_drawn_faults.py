@@ -1,0 +1,65 @@
+"""The worst draws of a campaign, shrunk: whom a fault accuses, how soon, and what it does."""
+
+import pytest
+
+from h2nav.apps.campaign_flights import fly
+from h2nav.evaluation.campaign.draw import Draw, FlightDraw, ImuDraw, ReceiverDraw
+
+pytestmark = pytest.mark.timeout(600)
+
+
+def flown(fault: str, length_min: float = 1.9, **imu):
+    """The result, and that of its only fault, which begins after 70 s."""
+    calm = FlightDraw(length_min=length_min, rest_s=15.0, brisk_share=0.0)
+    row = fly(Draw(1, calm, ImuDraw(**({"rate_hz": 50.0} | imu)), faults=(fault,)))
+    (found,) = row["faults"]
+    return row, found
+
+
+def kinds(found) -> set[str]:
+    return {told["kind"] for told in found["accused"]}
+
+
+def test_an_accelerometer_off_by_3_is_named_within_three_seconds_and_alone():
+    _, found = flown("accel-bias=3@70.0+20")
+    assert found["outcome"] == "right"
+    assert found["named_after_s"] < 3.0
+    assert kinds(found) == set()
+
+
+def test_a_spoofed_velocity_stays_out_for_as_long_as_it_is_false():
+    """It was fused again when its beginning had left the window of 10 s: 10 deg of tilt."""
+    row, found = flown("gps-ramp=1.5@70.0+60", length_min=2.1, rate_hz=100.0)
+    assert found["outcome"] == "right"
+    assert kinds(found) == set()
+    assert row["tilt_deg"]["p50"] < 1.5
+
+
+def test_a_step_of_the_velocity_is_named_with_its_position():
+    _, found = flown("gps-step=2@70.0+20", rate_hz=100.0)
+    assert found["outcome"] == "right"
+    assert found["named_after_s"] < 4.0
+    assert kinds(found) == set()
+
+
+def test_a_wrong_scale_of_the_accelerometer_shows_in_the_height():
+    _, found = flown("accel-scale=1.2@70.0+25")
+    assert found["named_after_s"] is not None
+    assert found["named_after_s"] < 20.0
+
+
+def test_the_receiver_is_not_lost_while_a_gyro_is_frozen():
+    _, found = flown("gyro-frozen@70.0+15")
+    assert found["outcome"] == "right"
+    assert kinds(found) == set()
+
+
+def test_a_ramp_in_strong_vibration_accuses_nobody_else():
+    """The force's samples scatter by metres a second, its mean by tenths."""
+    noisy = ReceiverDraw(rate_hz=1.0, delay_s=0.3, noise_m_s=0.035)
+    calm = FlightDraw(length_min=1.7, rest_s=15.0, brisk_share=0.0)
+    shaken = ImuDraw(count=2, rate_hz=50.0, vibration_m_s2=15.0)
+    row = fly(Draw(1, calm, shaken, receiver=noisy, faults=("gps-ramp=1.4@70.0+20",)))
+    (found,) = row["faults"]
+    assert found["outcome"] in ("right", "undecided", "late")
+    assert kinds(found) == set()
