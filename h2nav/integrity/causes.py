@@ -199,7 +199,7 @@ class _Comparison:
     ) -> None:
         self._rows, self._known, self._acquitted = rows, known, acquitted
         self._window = window = VelocityModel(rows, known)
-        self._force_density = window.force_density
+        self._force_density, self._shaken = window.force_density, window.shaken_density
         self._columns, self._sound = window.columns, window.sigmas
         self._model = window.with_noise(window.force_density)
 
@@ -223,13 +223,13 @@ class _Comparison:
             for cause in Cause
             if cause is not Cause.VIBRATION
         }
-        for cause in self._acquitted:
-            odds[cause] -= math.log(ACQUITTED)
         odds[Cause.VIBRATION] = self._vibration()
-        if self._force_density > SHAKING_DENSITY:
-            # A blow hidden from the force looks like a jump of the velocity.
-            hidden = mean([one.likelihood for one in jumps])
-            odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], hidden)
+        if self._shaken > SHAKING_DENSITY:
+            # What is hidden from the force looks like a false velocity, to every IMU.
+            odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
+        else:
+            for cause in self._acquitted:
+                odds[cause] -= math.log(ACQUITTED)
         if self._rows[0].begun.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
             # An almost unknown heading can imitate any false velocity.
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
@@ -243,15 +243,15 @@ class _Comparison:
         shares = tuple((cause, math.exp(one - best) / whole) for cause, one in odds.items())
         winner = max(odds, key=lambda cause: odds[cause])
         mine = [one for one in variants if one.cause is winner]
-        is_seen, step = self._force_density > SHAKEN_DENSITY, 0.0
+        is_seen, step = self._shaken > SHAKEN_DENSITY, 0.0
         if mine:
             likeliest = _likeliest(mine)
-            is_seen = self._is_beyond_receiver() and self._is_seen(mine)
+            is_seen = self._is_beyond_receiver(winner) and self._is_seen(mine)
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
         # Samples of a shaken force do not show its mean: nothing can be estimated from them.
-        if self._force_density <= SHAKING_DENSITY:
+        if self._shaken <= SHAKING_DENSITY:
             rate_b, force_b = self._rate(variants), self._force(variants)
         found = Explained(max(best - none, 0.0), shares, is_seen, rate_b, force_b, step)
         return self._with_errors(found, variants)
@@ -315,11 +315,16 @@ class _Comparison:
         own = by_force if one.cause is Cause.VELOCITY else by_velocity
         return own - max(by_velocity, by_force)
 
-    def _is_beyond_receiver(self) -> bool:
-        """Whether delay and antenna, unknown and together more than either, are not the cause."""
+    def _is_beyond_receiver(self, cause: Cause) -> bool:
+        """Whether delay and antenna, unknown and together more than either, are not the cause.
+
+        A receiver of which little is known is not accused for what it is not known to do.
+        """
         effect_m_s = self._window.receiver_m_s
         if effect_m_s < MAX_RECEIVER * self._window.noise_m_s:
             return True
+        if cause is Cause.VELOCITY:
+            return False
         left, count = self._columns.left, len(self._rows)
         north = east = 0.0
         for i in reversed(range(count)):
@@ -422,7 +427,8 @@ class _Comparison:
 
     def _vibration(self) -> float:
         """Likelihood of a force with the noise of vibration and clipping."""
-        shaken = self._window.with_noise(SHAKEN * SHAKEN * max(self._force_density, SHAKEN_DENSITY))
+        density = SHAKEN * SHAKEN * max(self._force_density, SHAKEN_DENSITY)
+        shaken = self._window.with_noise(max(density, self._shaken))
         return shaken.level + shaken.fit(self._sound).likelihood - self._model.level
 
     def _rate(self, variants: Sequence[_Variant]) -> Vec3:

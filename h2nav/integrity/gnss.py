@@ -170,15 +170,14 @@ class GnssVerdict:
             return Alarm(
                 Kind.GNSS_SPOOFED,
                 GPS,
-                Severity.WARNING,
+                Severity.NOTICE,
                 way,
                 "m",
-                "GNSS is spoofed",
+                "GNSS may be spoofed",
                 f"the velocity contradicts the force, and the position follows it: {way:.0f} m "
                 f"within {differs:.1f} m, at a stated accuracy of "
                 f"{self._fixes[-1].sigma_m_s:.1f} m/s",
                 since_s=self._since_s(since_us),
-                is_decided=True,
             )
         return None if said is None else _by_receiver(Kind.GNSS_SPOOFED, "spoofed", *said)
 

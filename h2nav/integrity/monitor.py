@@ -55,7 +55,6 @@ from h2nav.integrity.velocity_windows import (
     change_of_velocity,
     inertial_variance,
 )
-from h2nav.integrity.vertical_force import VerticalForce
 from h2nav.integrity.watch import Watch
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
@@ -102,6 +101,8 @@ SLOW_US = 15_000.0
 SLOW_SHARE = 0.01
 ALIASED = 3.0
 SHAKEN_M_S2 = 1.0
+# A force that shakes by more, rms, is rectified by tenths: it shows no velocity to be false.
+RECTIFIED_M_S2 = 5.0
 # A velocity that is false with this probability is not used while that is undecided.
 PROBABLY = 0.9
 # One that was found false is used again when the force of 10 s has agreed with it within a harmless
@@ -151,7 +152,6 @@ class Monitor:
         self.field_is_frozen = False
         self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
-        self._vertical = VerticalForce(self._strapdown)
         self._field = FieldWindows(self._watch, self._strapdown)
         self._vehicle = VehicleState()
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
@@ -258,7 +258,6 @@ class Monitor:
         if bits & BEGUN:
             self._velocity.restart()
             self._rows.restart()
-            self._vertical.restart()
             self.ratios = InnovationRatios()
         if bits & ROW:
             self._field.end_row()
@@ -306,10 +305,6 @@ class Monitor:
             if shown < CONFIRMED_RAD:
                 self._is_confirmed, self._shown_us = True, fix.t_us
         return self._explain(fix.t_us, errors)
-
-    def use_height(self, t_us: int, height_m: float) -> None:
-        """Takes a height of the receiver."""
-        self._vertical.take(t_us, height_m)
 
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
@@ -433,7 +428,6 @@ class Monitor:
         self._strapdown.restart()
         self._velocity.restart()
         self._rows.restart()
-        self._vertical.restart()
         self._field.restart()
         self._windows = []
         self._forget_cause()
@@ -505,6 +499,8 @@ class Monitor:
         since_us = self._contradicted_us
         if found is None or since_us is None or t_us - since_us < BLAME_US:
             return False
+        if self.vibration_m_s2 > RECTIFIED_M_S2:
+            return False
         if self._decisions and self._decisions.most_common(1)[0][0] is Cause.VELOCITY:
             return True
         return found.is_seen and found.share(Cause.VELOCITY) > PROBABLY
@@ -570,10 +566,6 @@ class Monitor:
         if (tests["field"].is_raised or self._field_turns) and not self._is_bent(t_us):
             found.append(self._field_alarm(t_us))
         found += self._cause_alarms(t_us, {alarm.kind for alarm in found})
-        upright = self._vertical.alarm(self._imu, t_us)
-        is_new = upright is not None and upright.kind not in {alarm.kind for alarm in found}
-        if upright is not None and is_new and Cause.ACCELEROMETER not in self._acquitted:
-            found.append(upright)
         return tuple(found)
 
     def _is_bent(self, t_us: int) -> bool:

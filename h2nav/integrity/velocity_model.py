@@ -51,6 +51,7 @@ class VelocityModel:
         sigmas: the deviations of the unknowns at the window's beginning if nothing is wrong.
         lengths_s: of the rows.
         force_density: of the noise of the force, squared, m^2/s^3.
+        shaken_density: of what its single samples show, likewise.
         noise_m_s: of single velocities.
     """
 
@@ -61,7 +62,8 @@ class VelocityModel:
         gained = (last.gained_variance - first.gained_variance) / length_s
         # The noises, increased by what slow samples miss.
         rate_density = known.errors.rate_density + turned
-        self.force_density = min(known.errors.force_density + gained, known.force_density)
+        self.shaken_density = known.errors.force_density + gained
+        self.force_density = min(self.shaken_density, known.force_density)
         self.lengths_s = [row.length_s for row in rows]
         stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
         self._wander = WANDERS * WANDERS * stated / LENGTH_S

@@ -231,7 +231,6 @@ class Aiding:
         velocity = None if newest_us is None else gps_velocity(fix, newest_us)
         if velocity is not None:
             self._witness.fix(velocity)
-            self._estimation.use_height(velocity.t_us, fix.place.altitude_m)
         if self._settings.gps_velocity:
             effects += self._pass_velocity(t_ns, velocity)
         if velocity is not None:

@@ -358,11 +358,6 @@ class Estimation:
         for lane in self._lanes:
             lane.use_velocity(fix)
 
-    def use_height(self, t_us: int, height_m: float) -> None:
-        """Passes a receiver's height on."""
-        for lane in self._lanes:
-            lane.use_height(t_us, height_m)
-
     def use_vibration(self, t_ns: int, vibration: Vibration) -> None:
         """Takes the autopilot's report of vibration and clipped samples."""
         level_m_s2 = max(vibration.levels) if self._is_ardupilot else 0.0

@@ -391,10 +391,6 @@ class Lane:
             if not self._monitor.velocity_is_false:
                 self._filter.use_velocity(fix)
 
-    def use_height(self, t_us: int, height_m: float) -> None:
-        """Passes a receiver's height on."""
-        self._monitor.use_height(t_us, height_m)
-
     def use_verdict(self, compass_is_wrong: bool, doubt_rad: float) -> None:
         """Takes the compasses' verdict on its own compass, and the possible heading error."""
         self.heading_is_wrong |= compass_is_wrong and not self.compass_is_wrong

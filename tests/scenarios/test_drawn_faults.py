@@ -42,12 +42,6 @@ def test_a_step_of_the_velocity_is_named_with_its_position():
     assert kinds(found) == set()
 
 
-def test_a_wrong_scale_of_the_accelerometer_shows_in_the_height():
-    _, found = flown("accel-scale=1.2@70.0+25")
-    assert found["named_after_s"] is not None
-    assert found["named_after_s"] < 20.0
-
-
 def test_the_receiver_is_not_lost_while_a_gyro_is_frozen():
     _, found = flown("gyro-frozen@70.0+15")
     assert found["outcome"] == "right"
