@@ -286,7 +286,7 @@ def made_crash():
         batteries=(
             Battery(0, t_s, 12.6 - 0.01 * t_s - throttle, 20.0 * throttle, 1.0 - 0.005 * t_s),
         ),
-        gps=(GpsTrack(0, *(values[: round(104.0 / 0.2)] for values in flight.context.gps[0][1:])),),
+        gps=(flight.context.gps[0].part(slice(round(104.0 / 0.2))),),
         faults=(ReportedFault(102.0, "battery", 1, "low"),),
         airborne=Series(np.array([0.0, 8.0]), np.array([0.0, 1.0])),
         said=(Said(103.0, Severity.WARNING, "Battery Failsafe - Land"),),

@@ -100,6 +100,12 @@ class GpsTrack(NamedTuple):
     jamming: NDArray[np.int64] | None = None
     spoofing: NDArray[np.int64] | None = None
 
+    def part(self, rows: slice | NDArray[np.bool_]) -> "GpsTrack":
+        """Some of the fixes."""
+        columns = self._asdict()
+        columns.pop("receiver")
+        return self._replace(**{n: c[rows] for n, c in columns.items() if c is not None})
+
 
 class Series(NamedTuple):
     """Any other quantity over time."""

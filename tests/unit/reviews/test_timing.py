@@ -52,10 +52,7 @@ def test_a_log_that_pauses_blames_no_sensor():
         track._replace(t_s=track.t_s[rest(track.t_s)], q_nb=track.q_nb[rest(track.t_s)])
         for track in context.attitudes
     )
-    gps = tuple(
-        type(track)(track.receiver, *(values[rest(track.t_s)] for values in track[1:]))
-        for track in context.gps
-    )
+    gps = tuple(track.part(rest(track.t_s)) for track in context.gps)
     found = paused._replace(context=paused.context._replace(attitudes=attitudes, gps=gps))
     finding = only(found)
     assert (finding.kind, finding.severity) == ("log_paused", Severity.INFO)

@@ -106,7 +106,7 @@ def test_flight_begins_on_the_ground_and_repeats_its_round_without_a_jump():
 
 
 def test_unknown_scenario_is_named_with_the_known_ones():
-    with pytest.raises(BadInput, match=r"'nosuch' is not known.*flight, rest"):
+    with pytest.raises(BadInput, match=r"'nosuch' is not known.*flight, hop, rest"):
         scenario("nosuch")
 
 
