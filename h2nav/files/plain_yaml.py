@@ -18,6 +18,8 @@ LARGEST_BYTES = 1 << 20  # a gain file has 40 kB
 DEEPEST = 32
 LONGEST_NUMBER = 64
 
+LIBYAML_TOO_DEEP = "exceeded maximum nesting depth"
+_TOO_DEEP = f"nested more than {DEEPEST} deep"
 _TAG = "tag:yaml.org,2002:"
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -78,6 +80,8 @@ def parse_mapping(text: str, place: str) -> dict[str, Any]:
         finally:
             loader.dispose()
     except yaml.YAMLError as error:
+        if LIBYAML_TOO_DEEP in str(error):  # it looks ahead, beyond the events
+            raise BadInput(f"{place}: {_TOO_DEEP}") from None
         raise BadInput(f"{place}: not YAML: {_one_line(error)}") from None
     if content is None:
         return {}
@@ -103,7 +107,7 @@ def _refuse_what_expands(text: str, place: str) -> None:
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         if depth > DEEPEST:
-            raise BadInput(f"{place}:{line}: nested more than {DEEPEST} deep")
+            raise BadInput(f"{place}:{line}: {_TOO_DEEP}")
 
 
 class _Plain:

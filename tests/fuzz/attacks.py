@@ -18,6 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from fuzz.clean_sessions import Player, restamped
 from fuzz.raw_frames import RawFrame, extreme, place, random_payload, with_extremes
 from fuzz.watched_pipeline import START_NS, InvariantBrokenError, WatchedPipeline
+from h2nav.wire.dialect import LAYOUTS
 
 MS_NS = 1_000_000
 SECOND_NS = 1_000_000_000
@@ -379,7 +380,7 @@ class Attacker:
             return frame
         us = self._rng.choice((US, US, US, (0, 0), (1, 0)))
         for name, value in zip(("target_system", "target_component"), us, strict=True):
-            if name in mavlink.mavlink_map[frame.msg_id].fieldnames:
+            if name in LAYOUTS[frame.msg_id].field_names:
                 frame = frame.where(place(frame.msg_id, name), value)
         return frame
 

@@ -274,7 +274,9 @@ def check_codec(data: bytes) -> None:
         if not all(text.isascii() for text in texts):
             continue  # bytes that were no text are not given back
         values = [v.encode() if isinstance(v, str) else v for v in record]
-        kind = mavlink.mavlink_map[frame.msg_id]
+        kind = mavlink.mavlink_map.get(frame.msg_id)
+        if kind is None:
+            continue  # read only: pymavlink's dialect does not have it yet
         known = len(kind.fieldnames)  # without extensions that pymavlink lacks
         (again,) = Deframer().feed(codec.Encoder(1, 1).encode(kind(*values[:known])))
         _must(_same(codec.decode(again)[:known], record[:known]), f"{record} does not come back")
