@@ -7,7 +7,7 @@ import numpy as np
 
 from h2nav.airframes.features import FlightRow
 from h2nav.airframes.trend import Departure
-from h2nav.integrity.findings import Finding, Kind
+from h2nav.integrity.findings import Finding, Kind, Severity
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import judged
@@ -99,11 +99,30 @@ def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
         misjudged=frozenset(
             (
                 *(one.id for one in _acquitted(evidence)),
+                *(one.id for one in _of_our_own_error(evidence, shown)),
                 *(one.id for one in shown if not one.backs_us),
             )
         ),
         judged={one.id: one for one in (*shown, *evidence.of(compass.judged))},
     )
+
+
+def _of_our_own_error(evidence: FlightEvidence, shown: tuple[Finding, ...]) -> list[Finding]:
+    """Velocities flagged in flight while velocity and the autopilot agreed against our attitude."""
+    right = {one.id for one in shown if one.backs_us}
+    flagged = evidence.flight.findings
+    ours = [one for one in flagged if one.backs_us is False and one.id not in right]
+    return [
+        one
+        for one in flagged
+        if one.kind is Kind.GPS_VELOCITY or _is_guess(one)
+        if any(one.from_s <= own.to_s and own.from_s <= one.to_s for own in ours)
+    ]
+
+
+def _is_guess(one: Finding) -> bool:
+    """Whether a spoofed receiver is ours to suspect, and not its own word."""
+    return one.kind is Kind.GNSS_SPOOFED and one.severity > Severity.WARNING
 
 
 def _acquitted(evidence: FlightEvidence) -> list[Finding]:

@@ -33,6 +33,9 @@ def test_what_was_aligned_and_learnt_badly_in_the_air_is_no_sensors_fault(
     flight = joined("flight", mavlink.MAV_TYPE_HELICOPTER, join_s, seed)
     findings = flight.pipeline.service.findings
     assert not [finding for finding in findings if finding.kind in ACCUSES]
-    # It was aligned badly, and that was reported.
+    # It was aligned badly, and that was reported as our own error.
     assert flight.errors().tilt > 4.0
-    assert any(finding.kind is Kind.ATTITUDE_VELOCITY for finding in findings)
+    assert any(
+        finding.kind is Kind.AUTOPILOT_TILT and finding.text.startswith("our tilt off")
+        for finding in findings
+    )

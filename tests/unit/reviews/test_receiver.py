@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
 
-from h2nav.integrity.findings import Finding, Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Context, GpsTrack, Span
 from h2nav.reviews.analysis import analyse
@@ -183,3 +183,22 @@ def test_few_satellites_and_a_doubtful_velocity_are_told():
     count = round(DURATION_S * GPS_HZ)
     poor = with_gps(flown, satellites=np.full(count, 5.0), sigma_m_s=np.full(count, 1.6))
     assert {f.kind for f in found(poor)} == {"gps_satellites", "gps_accuracy"}
+
+
+@pytest.mark.parametrize(("backs_us", "is_ours"), [(False, True), (None, False)])
+def test_a_velocity_that_agrees_with_the_autopilot_against_us_is_not_the_receivers_fault(
+    backs_us, is_ours
+):
+    """Flagged in flight while our own tilt was wrong; the other flight shows no velocity at all."""
+    flown = flight(gps=())
+    velocity = Finding(
+        Kind.GPS_VELOCITY, Sensor(SensorKind.GPS), Severity.WARNING, 20.0, 28.0, 9.0, "",
+        "GPS velocity is false and not used", "by hand", id="velocity",
+    )  # fmt: skip
+    tilt = Finding(
+        Kind.AUTOPILOT_TILT, Sensor(SensorKind.AUTOPILOT), Severity.WARNING, 24.0, 34.0, 11.0,
+        "deg",
+        "our tilt off 11 deg, GPS backs autopilot", "by hand", id="tilt", backs_us=backs_us,
+    )  # fmt: skip
+    found = analyse(flown._replace(findings=(velocity, tilt)))
+    assert ("velocity" in found.misjudged) == is_ours
