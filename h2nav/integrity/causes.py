@@ -67,7 +67,7 @@ SUSPECTED = 100.0
 # within three of them.
 LEAST_SHARE = 1.0 / 9.0
 # A sensor that shows the same as that of another IMU is the cause in one of so many cases.
-ACQUITTED = 1000.0
+ACQUITTED = 10.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
 # A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom.

@@ -41,6 +41,8 @@ def configuration(folder, port, foxglove_port, address="127.0.0.1:0"):
     path.write_text(
         f"link: {{url: 'udpin:127.0.0.1:{port}'}}\n"
         f"log: {{folder: '{folder / 'logs'}'}}\n"
+        # The viewer is its only child.
+        "flights: {review: false}\n"
         f"live: {{address: '{address}', foxglove_port: {foxglove_port}}}\n"
     )
     return str(path)
