@@ -66,7 +66,8 @@ SUSPECTED = 100.0
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 LEAST_SHARE = 1.0 / 9.0
-# A sensor that shows the same as that of another IMU is the cause in one of so many cases.
+# A sensor that shows the same as that of another IMU is the cause in one of so many cases: a shock
+# or a change of temperature takes both.
 ACQUITTED = 10.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
