@@ -128,11 +128,17 @@ class BeforeArming:
     def armed(self, is_armed: bool) -> None:
         """Takes the armed state from the heartbeat."""
         if is_armed != self.is_armed:
-            self.restart()
+            self._look_anew()
         self.is_armed = is_armed
 
     def restart(self) -> None:
         """Forgets everything, for another autopilot or another epoch."""
+        self._unused.clear()
+        self._preflight.on_unused_compasses(frozenset())
+        self._look_anew()
+
+    def _look_anew(self) -> None:
+        """Forgets what was seen on the ground; what the autopilot is told to use stays."""
         self._preflight.restart()
         self._since_ns.clear()
         self.verdict = GroundVerdict()

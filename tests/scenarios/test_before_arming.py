@@ -6,12 +6,15 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
 
+from h2nav.attitude.samples import EarthField, ImuSample
 from h2nav.integrity.preflight import Item
+from h2nav.service.before_arming import BeforeArming
 from h2nav.service.effects import Send
 from h2nav.service.settings import OutputSettings
 from h2nav.sim.personalities import ARDUPLANE
 from h2nav.wire.questions import Command
 from h2nav.wire.readers import Envelope
+from h2nav.wire.vehicle import ParameterValue
 
 ASK = mavlink.MAV_CMD_ARM_AUTHORIZATION_REQUEST
 
@@ -212,3 +215,26 @@ def test_a_compass_that_the_autopilot_does_not_use_is_no_reason():
         "rest", faults=("hard-iron=60@0",), parameters={"COMPASS_USE": 0.0}
     ).run(6.0)
     assert "compass 1" not in " ".join(unused.pipeline.service.reasons_not_to_arm)
+
+
+def test_what_one_autopilot_does_not_use_is_not_taken_from_the_next():
+    """Armed and disarmed, it stays; another epoch asks anew."""
+    told = BeforeArming(lambda *_: [])
+    told.on_earth(EarthField(50.0, 1.0, 0.0))
+    told.on_message(ParameterValue("COMPASS_USE", 0.0))
+
+    def stand(start_us):
+        for count in range(150):
+            sample = ImuSample(
+                start_us + 20_000 * count, (0.0,) * 3, (0.0, 0.0, -9.81), (90.0,) * 3
+            )
+            told.on_sample(0, sample, field_is_raw=False)
+            told.look(told.due_ns)
+        return [fault.sensor for fault in told.faults]
+
+    assert stand(0) == []
+    told.armed(True)
+    told.armed(False)
+    assert stand(10_000_000) == []
+    told.restart()
+    assert stand(20_000_000) == ["compass 1"]
