@@ -12,7 +12,7 @@ import numpy as np
 from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.outcome import Outcome, ParameterChange
 from h2nav.reviews.inertial import within
-from h2nav.reviews.spectra import family_of, look_at_spectra
+from h2nav.reviews.spectra import detect_spectra, family_of
 from h2nav.reviews.tracks import Spectrum
 
 FIXED, THROTTLE, ESC = 0.0, 1.0, 3.0
@@ -75,7 +75,7 @@ def _gyros(flight: Evidence) -> list[Spectrum]:
     context = flight.context
     if not context.armed:
         return []
-    spectra, _ = look_at_spectra(context.imus, context.bursts, context.armed)
+    spectra, _ = detect_spectra(context.imus, context.bursts, context.armed)
     return [one for one in spectra if one.sensor == "gyro"]
 
 

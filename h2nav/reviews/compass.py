@@ -113,7 +113,7 @@ class Fit(NamedTuple):
         return free
 
 
-def look_at_compass(
+def detect_compass(
     track: ImuTrack, best: Attitudes | None, earth: EarthFields, context: Context, *, is_raw: bool
 ) -> tuple[FieldTrack | None, CompassFit | None, list[Finding]]:
     """Analyses one compass.

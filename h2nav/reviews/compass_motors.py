@@ -58,7 +58,7 @@ def _spread(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
-def look_at_strength(track: ImuTrack, context: Context) -> list[Finding]:
+def detect_strength(track: ImuTrack, context: Context) -> list[Finding]:
     """Motors that change the field by more than is usual."""
     known = strength_by_throttle(track, context)
     if known is None or known.share < USUAL_SHARE:

@@ -41,7 +41,7 @@ class ControlErrors(NamedTuple):
     flies: Mask  # (N,) armed, driven, and in a mode that asks for attitudes
 
 
-def look_at_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> list[Finding]:
+def detect_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> list[Finding]:
     """Finds losses of control, before each impact and without one.
 
     Args:

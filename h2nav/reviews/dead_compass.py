@@ -18,7 +18,7 @@ def dead_compasses(context: Context) -> tuple[CompassRows, ...]:
     )
 
 
-def look_at_dead(dead: Iterable[CompassRows]) -> list[Finding]:
+def detect_dead(dead: Iterable[CompassRows]) -> list[Finding]:
     """One finding for each."""
     return [_finding(one) for one in dead]
 

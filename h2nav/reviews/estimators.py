@@ -107,7 +107,7 @@ PREARM = re.compile(r"pre-?arm", re.IGNORECASE)
 PREFLIGHT, FLOWN_S = re.compile(r"preflight", re.IGNORECASE), 5.0
 
 
-def look_at_estimators(
+def detect_estimators(
     context: Context,
     track: ImuTrack | None,
     best: Attitudes | None,
@@ -134,7 +134,7 @@ def look_at_estimators(
     return found
 
 
-def look_at_texts(context: Context) -> list[Finding]:
+def detect_texts(context: Context) -> list[Finding]:
     """Groups the autopilot's texts of one meaning within the armed time."""
     found = []
     for kind, pattern, text in PHRASES:

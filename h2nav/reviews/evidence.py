@@ -8,13 +8,13 @@ from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, S
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
-from h2nav.reviews.force_steps import look_at_force_steps
+from h2nav.reviews.force_steps import detect_force_steps
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
 from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
-from h2nav.reviews.motors import look_at_motors
+from h2nav.reviews.motors import detect_motors
 from h2nav.reviews.receiver import delay_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
-from h2nav.reviews.sensor_bias import look_at_biases, measuring
+from h2nav.reviews.sensor_bias import detect_biases, measuring
 from h2nav.reviews.standstill import NEVER, Rest, rest_of
 from h2nav.reviews.timing import pauses
 from h2nav.reviews.tracks import Bias
@@ -206,7 +206,7 @@ def in_order(evidence: FlightEvidence) -> Context:
     context, found = evidence.of(unharmed), evidence.of(bins)
     if found is None:
         return context
-    lost = look_at_motors(found, evidence.of(recorded), evidence.of(crashes), evidence.of(lifted))
+    lost = detect_motors(found, evidence.of(recorded), evidence.of(crashes), evidence.of(lifted))
     failed = [one.from_s for one in lost if one.kind is Kind.MOTOR_FAILED]
     if not failed:
         return context
@@ -225,7 +225,7 @@ def dead_rows(evidence: FlightEvidence) -> tuple[CompassRows, ...]:
 def biases(evidence: FlightEvidence) -> tuple[tuple[Bias, ...], list[Finding]]:
     """The biases of each IMU over time, with what they say."""
     armed = evidence.of(unharmed).armed
-    return look_at_biases(
+    return detect_biases(
         evidence.of(motion_tracks), evidence.of(best), armed, evidence.flight.findings
     )
 
@@ -251,7 +251,7 @@ def force_steps(evidence: FlightEvidence) -> list[Finding]:
         return []
     lag_s = delay_of(velocities, evidence.of(soundest), attitude)
     armed, found = evidence.of(unharmed).armed, evidence.of(biases)[0]
-    return look_at_force_steps(evidence.of(alive), found, velocities, lag_s, attitude, armed)
+    return detect_force_steps(evidence.of(alive), found, velocities, lag_s, attitude, armed)
 
 
 def witness(evidence: FlightEvidence) -> ImuTrack | None:

@@ -55,7 +55,7 @@ ALIKE_SHARE = 0.5
 TOGETHER_SHARE = 0.5
 
 
-def look_at_force_steps(
+def detect_force_steps(
     tracks: tuple[ImuTrack, ...],
     biases: tuple[Bias, ...],
     moves: Moves,

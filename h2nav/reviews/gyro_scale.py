@@ -28,7 +28,7 @@ FIELD_SHARE = 0.07
 AXES = "xyz"
 
 
-def look_at_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
+def detect_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]:
     """Compares one gyro with the compass of the same number.
 
     Args:

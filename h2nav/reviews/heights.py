@@ -71,7 +71,7 @@ def _integral(rate: Array) -> Array:
     return found
 
 
-def look_at_heights(known: Heights, context: Context, lifted: Sequence[Span]) -> list[Finding]:
+def detect_heights(known: Heights, context: Context, lifted: Sequence[Span]) -> list[Finding]:
     """A barometer that others contradict, and an estimate that the barometer contradicts.
 
     Args:

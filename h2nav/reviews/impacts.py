@@ -96,7 +96,7 @@ class Bins(NamedTuple):
         return select_rows(self, wanted)
 
 
-def look_at_impacts(blows: Sequence[Impact]) -> list[Finding]:
+def detect_impacts(blows: Sequence[Impact]) -> list[Finding]:
     """One finding for each."""
     return [_finding(blow) for blow in blows]
 
@@ -465,7 +465,7 @@ def _finding(impact: Impact) -> Finding:
     )
 
 
-def look_at_crash_checks(bins: Bins, context: Context, blows: Sequence[Impact]) -> list[Finding]:
+def detect_crash_checks(bins: Bins, context: Context, blows: Sequence[Impact]) -> list[Finding]:
     """Detections of the autopilot's crash check without a crash.
 
     Args:

@@ -53,7 +53,7 @@ class MotorOutputs(NamedTuple):
     flies: Mask  # (N,) the motors carry it, before any impact
 
 
-def look_at_motors(
+def detect_motors(
     bins: Bins, context: Context, impacts: Sequence[Impact], lifted: Sequence[Span]
 ) -> list[Finding]:
     """Analyses the outputs of a multirotor.

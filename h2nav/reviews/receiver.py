@@ -70,7 +70,7 @@ POOR_SIGMA_M_S = 1.0
 POOR_FOR_S = 10.0
 
 
-def look_at_receiver(
+def detect_receiver(
     gps: GpsTrack,
     context: Context,
     track: ImuTrack | None,

@@ -83,7 +83,7 @@ DEAD = (
 )
 
 
-def look_at_biases(
+def detect_biases(
     tracks: tuple[ImuTrack, ...],
     best: Attitudes | None,
     armed: tuple[Span, ...],

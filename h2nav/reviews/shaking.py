@@ -52,7 +52,7 @@ GROWTHS = (
 )
 
 
-def look_at_shaking(
+def detect_shaking(
     track: ImuTrack, bins: Bins, context: Context, impacts: Sequence[Impact]
 ) -> list[Finding]:
     """Analyses one IMU of a vehicle with rotors.

@@ -61,7 +61,7 @@ class _Windows(NamedTuple):
     rate_hz: float
 
 
-def look_at_spectra(
+def detect_spectra(
     tracks: tuple[ImuTrack, ...], bursts: tuple[Burst, ...], armed: tuple[Span, ...]
 ) -> tuple[tuple[Spectrum, ...], list[Finding]]:
     """Spectra of all sensors and findings on them.
@@ -306,7 +306,7 @@ def _notch(spectrum: Spectrum) -> str:
     return advice
 
 
-def look_at_vibration(
+def detect_vibration(
     track: ImuTrack, armed: tuple[Span, ...], *, is_reported: bool
 ) -> tuple[Vibrations, list[Finding]]:
     """The level of one accelerometer, and its clipped samples.

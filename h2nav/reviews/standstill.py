@@ -51,7 +51,7 @@ class Rest(NamedTuple):
 NEVER = Rest(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 
-def look_at_rest(rest: Rest, imu: int) -> list[Finding]:
+def detect_rest(rest: Rest, imu: int) -> list[Finding]:
     """Bias of the gyro and scale of the accelerometer of an IMU, from 0, at rest."""
     sensor = Sensor(SensorKind.IMU, imu + 1)
     return [*_gyro(rest, sensor), *_force(rest, sensor)]

@@ -52,7 +52,7 @@ def reported(context: Context, subsystem: str, pattern: re.Pattern[str]) -> list
     return sorted(found)
 
 
-def look_at_battery(context: Context) -> list[Finding]:
+def detect_battery(context: Context) -> list[Finding]:
     """Reports and voltages of the battery while armed; a sensor that cannot be right is told."""
     wrong = _wrong_sensor(context)
     reports = reported(context, "battery", BATTERY)
@@ -150,7 +150,7 @@ def _below_limit(context: Context) -> tuple[float, float, str] | None:
     return float(from_s), float(to_s), f"below {name} ({limit:.1f} V) for {to_s - from_s:.0f} s"
 
 
-def look_at_barometer(context: Context) -> list[Finding]:
+def detect_barometer(context: Context) -> list[Finding]:
     """Reports and jumps of the barometer while armed."""
     reports = reported(context, "barometer", BARO)
     jumps = _jumps(context)

@@ -60,7 +60,7 @@ def pauses(context: Context) -> tuple[Span, ...]:
     return tuple(Span(float(t_s[i]), float(t_s[i + 1]), "paused") for i in places)
 
 
-def look_at_pauses(paused: tuple[Span, ...]) -> list[Finding]:
+def detect_pauses(paused: tuple[Span, ...]) -> list[Finding]:
     """One finding for all of them."""
     if not paused:
         return []
@@ -82,7 +82,7 @@ def look_at_pauses(paused: tuple[Span, ...]) -> list[Finding]:
     ]
 
 
-def look_at_timing(
+def detect_timing(
     track: ImuTrack, armed: tuple[Span, ...], paused: tuple[Span, ...] = ()
 ) -> tuple[TimingTrack, list[Finding]]:
     """Analyses rate, gaps and lateness of one IMU.
@@ -272,7 +272,7 @@ def _rate(imu: Sensor, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]
     return found
 
 
-def look_at_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
+def detect_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
     """Samples of an autopilot's own log that alias a vibration, so that integrated rates are wrong.
 
     Args:

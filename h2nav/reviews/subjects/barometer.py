@@ -4,9 +4,9 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
-from h2nav.reviews.heights import HEIGHT_LOST, heights, look_at_heights
+from h2nav.reviews.heights import HEIGHT_LOST, detect_heights, heights
 from h2nav.reviews.subjects import needs
-from h2nav.reviews.supply import look_at_barometer
+from h2nav.reviews.supply import detect_barometer
 
 KINDS = (
     Declared(
@@ -58,12 +58,12 @@ KINDS = (
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `supply` and `heights`."""
-    found = look_at_barometer(evidence.of(parts.recorded))
+    found = detect_barometer(evidence.of(parts.recorded))
     context = evidence.of(parts.unharmed)
     known = heights(context, evidence.of(parts.vertical))
     if known is None:
         return found
-    shown = look_at_heights(known, context, evidence.of(parts.lifted))
+    shown = detect_heights(known, context, evidence.of(parts.lifted))
     # What the heights show says more than a report of it.
     return [*shown, *(one for one in found if one.kind not in {each.kind for each in shown})]
 

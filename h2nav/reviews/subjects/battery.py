@@ -5,7 +5,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
-from h2nav.reviews.supply import look_at_battery
+from h2nav.reviews.supply import detect_battery
 
 KINDS = (
     Declared(
@@ -31,7 +31,7 @@ KINDS = (
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `supply`."""
-    return look_at_battery(evidence.of(parts.recorded))
+    return detect_battery(evidence.of(parts.recorded))
 
 
 SUBJECT = ReviewSubject("battery", KINDS, (needs.times, needs.battery), look)

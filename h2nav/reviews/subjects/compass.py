@@ -4,8 +4,8 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.compass import look_at_compass, strangeness
-from h2nav.reviews.dead_compass import look_at_dead
+from h2nav.reviews.compass import detect_compass, strangeness
+from h2nav.reviews.dead_compass import detect_dead
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import CompassFit, FieldTrack
@@ -112,7 +112,7 @@ def compasses(evidence: FlightEvidence) -> tuple[Looked, ...]:
     context, flight = evidence.of(parts.in_order), evidence.flight
     is_px4 = "PX4" in f"{flight.autopilot} {context.firmware}"
     return tuple(
-        look_at_compass(
+        detect_compass(
             track,
             evidence.of(parts.best),
             flight.earth,
@@ -146,7 +146,7 @@ def judged(evidence: FlightEvidence) -> tuple[Finding, ...]:
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `dead_compass` and `compass`."""
-    found = look_at_dead(evidence.of(parts.dead_rows))
+    found = detect_dead(evidence.of(parts.dead_rows))
     fits = (one for _, _, own in evidence.of(compasses) for one in own)
     return [*found, *(one for one in fits if one.kind is not Kind.COMPASS_MOTORS)]
 

@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.compass_motors import look_at_strength
+from h2nav.reviews.compass_motors import detect_strength
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.subjects import compass, needs
 
@@ -37,7 +37,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
         evidence.of(parts.field_tracks), evidence.of(compass.compasses), strict=True
     ):
         by_fit = [one for one in looked[2] if one.kind is Kind.COMPASS_MOTORS]
-        found += by_fit or look_at_strength(track, context)
+        found += by_fit or detect_strength(track, context)
     return found
 
 

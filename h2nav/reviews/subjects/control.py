@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.control import look_at_control
+from h2nav.reviews.control import detect_control
 from h2nav.reviews.declared import (
     FAILED_SENSORS,
     HEIGHT_LEADS_S,
@@ -50,7 +50,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     bins = evidence.of(parts.bins)
     if bins is None:
         return []
-    return look_at_control(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
+    return detect_control(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
 
 
 SUBJECT = ReviewSubject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)

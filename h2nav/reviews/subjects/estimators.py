@@ -4,7 +4,7 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
-from h2nav.reviews.estimators import look_at_estimators
+from h2nav.reviews.estimators import detect_estimators
 from h2nav.reviews.subjects import needs
 
 KINDS = (
@@ -69,7 +69,7 @@ KINDS = (
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `estimators`."""
     track = evidence.of(parts.witness) or evidence.of(parts.soundest)
-    return look_at_estimators(
+    return detect_estimators(
         evidence.of(parts.unharmed),
         track,
         evidence.of(parts.best),

@@ -15,7 +15,7 @@ from h2nav.reviews.declared import (
     Trait,
 )
 from h2nav.reviews.heights import HEIGHT_LOST
-from h2nav.reviews.impacts import look_at_crash_checks, look_at_impacts
+from h2nav.reviews.impacts import detect_crash_checks, detect_impacts
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
@@ -87,8 +87,8 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     if bins is None:
         return []
     return [
-        *look_at_impacts(blows),
-        *look_at_crash_checks(bins, evidence.of(parts.recorded), blows),
+        *detect_impacts(blows),
+        *detect_crash_checks(bins, evidence.of(parts.recorded), blows),
     ]
 
 

@@ -5,8 +5,8 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import AnyKind, Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
-from h2nav.reviews.gyro_scale import look_at_gyro_scale
-from h2nav.reviews.standstill import look_at_rest
+from h2nav.reviews.gyro_scale import detect_gyro_scale
+from h2nav.reviews.standstill import detect_rest
 from h2nav.reviews.subjects import needs
 
 KINDS = (
@@ -131,13 +131,13 @@ REPLACED_AT_REST: dict[AnyKind, tuple[AnyKind, ...]] = {
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `standstill`, `sensor_bias` and `gyro_scale`."""
     rests = evidence.of(parts.rests)
-    found = [one for imu, rest in rests.items() for one in look_at_rest(rest, imu)]
+    found = [one for imu, rest in rests.items() for one in detect_rest(rest, imu)]
     known = {(kind, one.sensor) for one in found for kind in REPLACED_AT_REST.get(one.kind, ())}
     own = evidence.of(parts.biases)[1]
     found += [one for one in own if (one.kind, one.sensor) not in known]
     armed = evidence.of(parts.unharmed).armed
     for track in evidence.of(parts.alive):
-        found += look_at_gyro_scale(track, armed)
+        found += detect_gyro_scale(track, armed)
     return found
 
 

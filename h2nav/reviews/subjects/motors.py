@@ -14,7 +14,7 @@ from h2nav.reviews.declared import (
     Trait,
 )
 from h2nav.reviews.heights import HEIGHT_LOST
-from h2nav.reviews.motors import look_at_motors
+from h2nav.reviews.motors import detect_motors
 from h2nav.reviews.subjects import needs
 
 KINDS = (
@@ -79,7 +79,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     bins = evidence.of(parts.bins)
     if bins is None:
         return []
-    return look_at_motors(
+    return detect_motors(
         bins,
         evidence.of(parts.recorded),
         evidence.of(parts.crashes),

@@ -6,7 +6,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.force_steps import REACH_S
-from h2nav.reviews.receiver import look_at_receiver
+from h2nav.reviews.receiver import detect_receiver
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import Receiver
 
@@ -89,7 +89,7 @@ def receivers(evidence: FlightEvidence) -> tuple[tuple[Receiver, list[Finding]],
     """Each receiver over time, and what that says."""
     track = evidence.of(parts.witness)
     return tuple(
-        look_at_receiver(
+        detect_receiver(
             fixes,
             evidence.of(parts.unharmed),
             track,

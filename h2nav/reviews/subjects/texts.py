@@ -5,7 +5,7 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
-from h2nav.reviews.estimators import look_at_texts
+from h2nav.reviews.estimators import detect_texts
 from h2nav.reviews.subjects import needs
 
 KINDS = (
@@ -75,7 +75,7 @@ KINDS = (
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `estimators`."""
-    return look_at_texts(evidence.of(parts.recorded))
+    return detect_texts(evidence.of(parts.recorded))
 
 
 SUBJECT = ReviewSubject("texts of the autopilot", KINDS, (needs.times,), look)

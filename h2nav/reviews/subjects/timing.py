@@ -6,7 +6,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.subjects.health import SENSOR_DEAD
-from h2nav.reviews.timing import look_at_pauses, look_at_slow_log, look_at_timing
+from h2nav.reviews.timing import detect_pauses, detect_slow_log, detect_timing
 from h2nav.reviews.tracks import TimingTrack
 
 KINDS = (
@@ -118,7 +118,7 @@ def timings(evidence: FlightEvidence) -> tuple[tuple[TimingTrack, list[Finding]]
     # Where nothing at all was recorded, no sensor is to blame.
     silent = (*evidence.of(parts.paused), *context.silent)
     return tuple(
-        look_at_timing(track, context.armed, silent) for track in evidence.of(parts.sampled)
+        detect_timing(track, context.armed, silent) for track in evidence.of(parts.sampled)
     )
 
 
@@ -129,10 +129,10 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     if evidence.of(parts.is_own_log):
         context = evidence.of(parts.recorded)
         tracks = evidence.of(parts.sampled)
-        seldom = [one for track in tracks for one in look_at_slow_log(track, context)]
+        seldom = [one for track in tracks for one in detect_slow_log(track, context)]
     told = {one.sensor for one in seldom}
     found = [one for one in found if one.kind is not Kind.IMU_SLOW or one.sensor not in told]
-    return [*look_at_pauses(evidence.of(parts.paused)), *found, *seldom]
+    return [*detect_pauses(evidence.of(parts.paused)), *found, *seldom]
 
 
 SUBJECT = ReviewSubject("samples and clocks", KINDS, (), look, is_told=False)

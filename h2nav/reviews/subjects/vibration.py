@@ -5,8 +5,8 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
-from h2nav.reviews.shaking import look_at_shaking
-from h2nav.reviews.spectra import look_at_spectra, look_at_vibration
+from h2nav.reviews.shaking import detect_shaking
+from h2nav.reviews.spectra import detect_spectra, detect_vibration
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import Spectrum, Vibrations
 
@@ -47,7 +47,7 @@ def levels(evidence: FlightEvidence) -> tuple[tuple[Vibrations, ...], list[Findi
     """The level of each IMU, and what it says."""
     armed = evidence.of(parts.recorded).armed
     looked = [
-        look_at_vibration(
+        detect_vibration(
             track, armed, is_reported=parts.is_reported(evidence, Kind.VIBRATION, track.imu)
         )
         for track in evidence.of(parts.sampled)
@@ -58,7 +58,7 @@ def levels(evidence: FlightEvidence) -> tuple[tuple[Vibrations, ...], list[Findi
 def spectra(evidence: FlightEvidence) -> tuple[tuple[Spectrum, ...], list[Finding]]:
     """Gyro and accelerometer of each IMU by frequency, and what they say."""
     context = evidence.of(parts.recorded)
-    return look_at_spectra(evidence.of(parts.sampled), context.bursts, context.armed)
+    return detect_spectra(evidence.of(parts.sampled), context.bursts, context.armed)
 
 
 def look(evidence: FlightEvidence) -> list[Finding]:
@@ -69,7 +69,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
         return found
     context, blows = evidence.of(parts.recorded), evidence.of(parts.blows)
     for track in evidence.of(parts.sampled):
-        found += look_at_shaking(track, bins, context, blows)
+        found += detect_shaking(track, bins, context, blows)
     return found
 
 

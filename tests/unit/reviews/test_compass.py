@@ -15,7 +15,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array
 from h2nav.reviews.analysis import Analysis, analyse
-from h2nav.reviews.compass import look_at_compass
+from h2nav.reviews.compass import detect_compass
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.inertial import best_attitude
 
@@ -164,7 +164,7 @@ def test_an_attitude_unsure_of_its_tilt_shows_no_compass(tilt_deg, is_shown):
     sigma = np.full(len(flown.estimates.t_s), tilt_deg * DEG)
     best = best_attitude(flown._replace(estimates=flown.estimates._replace(sigma_tilt_rad=sigma)))
     track = flown.context.imus[0]
-    field, _, _ = look_at_compass(track, best, flown.earth, flown.context, is_raw=False)
+    field, _, _ = detect_compass(track, best, flown.earth, flown.context, is_raw=False)
     assert (field is not None) is is_shown
 
 

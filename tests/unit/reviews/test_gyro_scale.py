@@ -7,12 +7,12 @@ from reviewed_flights import flight, with_imu
 from h2nav.integrity.findings import Finding
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
-from h2nav.reviews.gyro_scale import look_at_gyro_scale
+from h2nav.reviews.gyro_scale import detect_gyro_scale
 
 
 def told(flown: Flight) -> list[Finding]:
     (track,) = flown.context.imus
-    return look_at_gyro_scale(track, flown.context.armed)
+    return detect_gyro_scale(track, flown.context.armed)
 
 
 def scaled(flown: Flight, factor: float, magnet_ut: tuple[float, float, float]) -> Flight:

@@ -11,7 +11,7 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.context import Context, GpsTrack, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
-from h2nav.reviews.receiver import look_at_receiver, moves_of
+from h2nav.reviews.receiver import detect_receiver, moves_of
 from h2nav.sim.vehicle import EARTH_RADIUS_M
 
 
@@ -131,7 +131,7 @@ def steady(count: int, period_s: float, speed_m_s: float = 30.0) -> GpsTrack:
 def alone(gps: GpsTrack) -> list[Finding]:
     """What is found without any other sensor, armed all the time."""
     context = Context(duration_s=60.0, armed=(Span(0.0, 60.0, "armed"),))
-    return look_at_receiver(gps, context, None, None, is_polled=False)[1]
+    return detect_receiver(gps, context, None, None, is_polled=False)[1]
 
 
 def test_a_fast_vehicle_with_rare_fixes_does_not_jump():

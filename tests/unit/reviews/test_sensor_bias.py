@@ -9,7 +9,7 @@ from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.inertial import exponential
-from h2nav.reviews.sensor_bias import look_at_biases
+from h2nav.reviews.sensor_bias import detect_biases
 
 BIAS_DEG_S = np.array([0.1, -0.1, 0.05])
 
@@ -129,6 +129,6 @@ def test_an_accelerometer_that_does_not_show_gravity_at_rest_is_told():
 def test_what_shakes_on_the_ground_is_not_at_rest():
     track = flight("rest").context.imus[0]
     off = track._replace(f_b=1.12 * track.f_b)
-    assert [one.kind for one in look_at_biases((off,), None, (), ())[1]] == ["accelerometer_bias"]
+    assert [one.kind for one in detect_biases((off,), None, (), ())[1]] == ["accelerometer_bias"]
     shaken = off._replace(f_b=off.f_b + np.sin(9.0 * off.t_s)[:, None])
-    assert not look_at_biases((shaken,), None, (), ())[1]
+    assert not detect_biases((shaken,), None, (), ())[1]
