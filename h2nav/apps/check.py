@@ -17,7 +17,7 @@ from h2nav.links.link_urls import FORMS
 from h2nav.service.service import Service
 from h2nav.service.settings import OutputSettings
 
-MOST_S = 3600.0
+MAX_CHECK_S = 3600.0
 _CLOSING = """\
 Exit status: 0 no check failed, of those that were possible; 1 a check failed, or none was possible;
 2 bad input. The vehicle must stand still, disarmed. It receives requests for messages and nothing
@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
-    if not 1.0 <= args.seconds <= MOST_S:
-        raise BadInput(f"--seconds: expected a number from 1 to {MOST_S:g}")
+    if not 1.0 <= args.seconds <= MAX_CHECK_S:
+        raise BadInput(f"--seconds: expected a number from 1 to {MAX_CHECK_S:g}")
     console = Console(stream=io.StringIO())
     with (
         StopSignals().installed() as stop,

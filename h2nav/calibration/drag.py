@@ -23,7 +23,7 @@ from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import conjugate, interpolated, means, rotate, slowed, within
 from h2nav.reviews.sensor_bias import measuring
 
-WINDOW_S = 0.5
+DRAG_WINDOW_S = 0.5
 MOST_ROWS = 4000
 # Fixes arrive so much later than they were true, roughly; the speed changes little within it.
 LAG_S = 0.15
@@ -83,7 +83,7 @@ def calibrate_drag(flights: Sequence[Evidence]) -> Outcome:
         # Half of the model would make the other half wrong.
         left += [f"{change.name}: only together with the others" for change in changes]
         changes = []
-    shown = f"forces in {len(rows.t_s)} windows of {WINDOW_S:g} s" if changes else ""
+    shown = f"forces in {len(rows.t_s)} windows of {DRAG_WINDOW_S:g} s" if changes else ""
     notes = (NOTE,) if any(not change.old > 0.0 for change in changes) else ()
     return own._replace(changes=tuple(changes), left=tuple(left), notes=notes, shown=shown)
 
@@ -100,7 +100,7 @@ def rows_of(evidence: Evidence, number: int) -> DragRows | None:
     track: ImuTrack | None = next((one for one in tracks if len(one.t_s) > 1), None)
     if gps is None or track is None:
         return None
-    edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S)
+    edges = np.arange(track.t_s[0], track.t_s[-1], DRAG_WINDOW_S)
     if len(edges) < 2:
         return None
     t_s = 0.5 * (edges[:-1] + edges[1:])

@@ -19,7 +19,7 @@ MOST_ROWS = 1500
 FASTEST_RAD_S = 60.0 * DEG
 SLOPE_S = 0.05
 SURE_TILT_RAD = 4.0 * DEG
-FEWEST = 2
+MIN_FIELD_ROWS = 2
 SECTORS = 16
 SECTOR_ROWS = 5
 
@@ -33,7 +33,7 @@ def field_rows(
         settings: in use; None if unknown: the field counts as raw.
         flight: its number, for the rows.
     """
-    if len(track.t_s) < FEWEST or not len(evidence.flight.earth.t_s):
+    if len(track.t_s) < MIN_FIELD_ROWS or not len(evidence.flight.earth.t_s):
         return None
     edges = np.arange(track.t_s[0], track.t_s[-1] + ROW_S, ROW_S)
     raw = means(track.t_s, _raw(evidence, track, settings), edges)
@@ -46,7 +46,7 @@ def field_rows(
     keep &= evidence.flying(at_s)
     places = np.flatnonzero(keep)
     places = places[thinned(len(places), MOST_ROWS)]
-    if len(places) < FEWEST:
+    if len(places) < MIN_FIELD_ROWS:
         return None
     at_s, q = at_s[places], q[places]
     back = conjugate(q)

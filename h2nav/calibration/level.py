@@ -30,8 +30,8 @@ from h2nav.reviews.inertial import Mask, conjugate, interpolated, means, rotate,
 from h2nav.reviews.receiver import moves_of
 from h2nav.reviews.sensor_bias import measuring
 
-WINDOW_S = 1.0
-FEWEST = 40
+THRUST_WINDOW_S = 1.0
+MIN_THRUST_ROWS = 40
 # Roll, pitch, drag by speed, drag by the wind from north and east. A board that was meant to be
 # level; multirotors 0.2 to 0.5 /s; a wind of 5 m/s.
 SIGMAS = np.array((6.0 * DEG, 6.0 * DEG, 0.4, 2.0, 2.0))
@@ -44,7 +44,7 @@ LEAST_SIGMA_RAD = 0.3 * DEG
 RELEVANT_RAD, SURE = 1.0 * DEG, 4.0
 NAMES = {True: ("SENS_BOARD_X_OFF", "SENS_BOARD_Y_OFF"), False: ("AHRS_TRIM_X", "AHRS_TRIM_Y")}
 # The firmwares' limit.
-MOST_RAD = 10.0 * DEG
+MAX_TRIM_RAD = 10.0 * DEG
 
 
 class _Rows(NamedTuple):
@@ -71,7 +71,7 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
         return own._replace(left=("its parameters are not in the recording (--parameters)",))
     found = [_rows(number, *pair, forces.offset) for number, pair in enumerate(tracks.pairs)]
     rows = together(found)
-    if len(rows.t_s) < FEWEST:
+    if len(rows.t_s) < MIN_THRUST_ROWS:
         return own._replace(left=("too little time in the air, or that time is unknown",))
     angles, sigma = _tilt(rows, forces.sigma)
     roll, pitch = angles.tolist()
@@ -94,7 +94,7 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
     if not wanted.any():  # one axis or both: they are one rotation
         return own._replace(left=(f"no change: roll and pitch by the thrust are {words}",))
     one, other = (_tilt(half, 0.0)[0] for half in halves_of(rows))
-    if np.abs(one - other).max() > RELEVANT_RAD or np.abs(new).max() > MOST_RAD:
+    if np.abs(one - other).max() > RELEVANT_RAD or np.abs(new).max() > MAX_TRIM_RAD:
         return own._replace(left=(f"the halves of the flight do not agree on {words}",))
     return own._replace(
         changes=tuple(
@@ -103,7 +103,7 @@ def calibrate_level(tracks: Tracks, forces: Forces) -> Outcome:
             )
             for i in range(2)
         ),
-        shown=f"thrust in {len(rows.t_s)} windows of {WINDOW_S:.0f} s in the air",
+        shown=f"thrust in {len(rows.t_s)} windows of {THRUST_WINDOW_S:.0f} s in the air",
     )
 
 
@@ -113,10 +113,10 @@ def _rows(number: int, evidence: Evidence, track: ImuTrack, added: Array) -> _Ro
         np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, COUNT))
     )
     track = measuring(track, evidence.flight.findings)
-    if len(track.t_s) < FEWEST or not evidence.context.gps:
+    if len(track.t_s) < MIN_THRUST_ROWS or not evidence.context.gps:
         return nothing
     track = slowed(track)
-    edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S)
+    edges = np.arange(track.t_s[0], track.t_s[-1], THRUST_WINDOW_S)
     t_s = 0.5 * (edges[1:] + edges[:-1])
     moves = moves_of(evidence.context.gps[0])
     if len(moves.t_s) < 2 or not len(t_s):

@@ -27,13 +27,12 @@ from h2nav.reviews.inertial import (
 from h2nav.reviews.receiver import lag_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
 from h2nav.reviews.sensor_bias import measuring
-from h2nav.reviews.standstill import WINDOW_S as REST_S
-from h2nav.reviews.standstill import rest_of
+from h2nav.reviews.standstill import REST_WINDOW_S, rest_of
 
-WINDOW_S = 1.0
+MOTION_WINDOW_S = 1.0
 LONGEST = 3.0
 MOST_ROWS = 1500
-FEWEST = 20
+MIN_FIXES = 20
 # The delay that autopilots assume, for a receiver whose delay no turn shows.
 USUAL_LAG_S = 0.15
 # In a fast turn an attitude delayed by 10 ms is wrong by 1 deg.
@@ -84,7 +83,7 @@ def motion_of(
     """
     track = measuring(track, evidence.flight.findings)
     moves = moves_of(gps)
-    if len(track.t_s) < FEWEST or len(moves.t_s) < FEWEST:
+    if len(track.t_s) < MIN_FIXES or len(moves.t_s) < MIN_FIXES:
         return None
     track = slowed(track)
     attitude = evidence.attitude_of_tracks()
@@ -93,7 +92,7 @@ def motion_of(
     lag_s = USUAL_LAG_S if math.isnan(found_s) else found_s
     windows = _windows(evidence, track, moves, lag_s)
     rows = _rows(_Sums.of(track, q, axes), attitude, windows)
-    good = (rows.length_s < LONGEST * WINDOW_S) & (rows.sigma_tilt < SURE_TILT_RAD)
+    good = (rows.length_s < LONGEST * MOTION_WINDOW_S) & (rows.sigma_tilt < SURE_TILT_RAD)
     for column in rows[3:]:
         good &= np.isfinite(column.reshape(len(good), -1).sum(axis=1))
     order = np.flatnonzero(good)
@@ -136,7 +135,7 @@ def _windows(evidence: Evidence, track: ImuTrack, moves: Moves, lag_s: float) ->
     level = np.where(moves.axes, (1.0, 1.0, DOWN_SHARE), 0.0)
     return _Windows(
         np.concatenate((edges[:-1], rest_s)),
-        np.concatenate((edges[1:], rest_s + REST_S)),
+        np.concatenate((edges[1:], rest_s + REST_WINDOW_S)),
         np.vstack((np.diff(v_n[place], axis=0), np.zeros((len(rest_s), 3)))),
         np.repeat(np.array((level, (0.0, 0.0, 1.0))), counts, axis=0),
         np.repeat((jitter_s, 0.0), counts),
@@ -149,7 +148,7 @@ def _spaced(t_s: Array) -> NDArray[np.intp]:
     place = 0
     while place < len(t_s):
         found.append(place)
-        place = max(place + 1, int(np.searchsorted(t_s, t_s[place] + WINDOW_S - 1e-3)))
+        place = max(place + 1, int(np.searchsorted(t_s, t_s[place] + MOTION_WINDOW_S - 1e-3)))
     return np.array(found, dtype=np.intp)
 
 

@@ -20,7 +20,7 @@ from h2nav.wire.outbound import Address, OutMessage
 
 SECOND_NS = 1_000_000_000
 # A window lasts this long at the share of the link, so that little is on its way when it stops.
-WINDOW_S = 0.08
+FETCH_WINDOW_S = 0.08
 LOG_DATA_BYTES = 90
 LOG_DATA_WIRE_BYTES = 109  # with the frame
 FILE_WIRE_BYTES = 266
@@ -269,7 +269,7 @@ class LogFetch:
             self._window = start, min(end, start + DATA_BYTES) if is_small else end
             return self._file(opcode, size=min(DATA_BYTES, end - start), offset=start)
         assert self.log is not None
-        packets = max(1, int(self._rate * WINDOW_S / LOG_DATA_WIRE_BYTES))
+        packets = max(1, int(self._rate * FETCH_WINDOW_S / LOG_DATA_WIRE_BYTES))
         end = min(end, start + packets * LOG_DATA_BYTES)
         self._window = start, end
         return mavlink.MAVLink_log_request_data_message(

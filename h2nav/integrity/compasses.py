@@ -24,7 +24,7 @@ UNCALIBRATED = 0.05
 SIGMAS = 3.0
 # Relative to the earth's field, whatever its dip: independent of the attitude.
 IN_SPACE_RAD = SIGMAS * math.sqrt(2.0) * UNCALIBRATED
-LEAST_RAD, MOST_RAD, USUAL_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
+MIN_APART_RAD, MAX_APART_RAD, USUAL_APART_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
 # A nearly vertical field shows no heading.
 LEAST_LEVEL = 0.1
 SMOOTHING_US = 500_000
@@ -116,10 +116,10 @@ class _Pair:
 def _limit_rad(earth: EarthField | None) -> float:
     """The largest difference of two calibrated compasses."""
     if earth is None:
-        return USUAL_RAD
+        return USUAL_APART_RAD
     level = max(math.cos(earth.dip_rad), UNCALIBRATED)
     limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
-    return min(max(limit, LEAST_RAD), MOST_RAD)
+    return min(max(limit, MIN_APART_RAD), MAX_APART_RAD)
 
 
 class Compasses:

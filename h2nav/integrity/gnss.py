@@ -20,7 +20,7 @@ STALE_US = 10_000_000
 FRESH_US = 1_000_000
 # The position is compared with the velocity over this.
 LENGTH_US = 5_000_000
-LEAST_US = 2_500_000
+MIN_COMPARED_US = 2_500_000
 # They agree within this, and within a share of the way: velocities of 1 Hz miss corners.
 FOLLOWS_M = 3.0
 FOLLOWS_SHARE = 0.2
@@ -82,7 +82,7 @@ class GnssVerdict:
         """
         t_us = velocity.t_us
         fixes = self._fixes
-        if fixes and not 0 < t_us - fixes[-1].t_us < LEAST_US:
+        if fixes and not 0 < t_us - fixes[-1].t_us < MIN_COMPARED_US:
             fixes.clear()
         v_n = (velocity.v_n[0], velocity.v_n[1])
         fixes.append(_Fix(t_us, latitude_deg, longitude_deg, v_n, velocity.sigma_m_s))
@@ -110,7 +110,7 @@ class GnssVerdict:
         """
         fixes = self._fixes
         first, last = fixes[0], fixes[-1]
-        if last.t_us - first.t_us < LEAST_US or last.sigma_m_s > CLAIMED_M_S:
+        if last.t_us - first.t_us < MIN_COMPARED_US or last.sigma_m_s > CLAIMED_M_S:
             return None
         north = east = 0.0
         for a, b in pairwise(fixes):

@@ -83,7 +83,7 @@ FORCE_SHARE = JUDGED_S / LONG_S
 # long after the last decision against the sensor.
 BENT_US = 60_000_000
 # Beyond this, an error is no longer called a tilt.
-MOST_DEG = 90.0
+MAX_TILT_DEG = 90.0
 # To be the cause of a contradiction to gravity, the accelerometer's size must explain this much;
 # and the ratio of sideways to down, which an attitude wrong by less than 50 deg exceeds.
 BY_SIZE = 0.5
@@ -591,9 +591,11 @@ class Monitor:
         window = max(self._windows, key=lambda w: w.ratio, default=None)
         length_s, size, tilt = 0.0, 0.0, 0.0
         if window is not None:
-            length_s, tilt = window.length_s, min(window.tilt_rad / DEG, MOST_DEG)
+            length_s, tilt = window.length_s, min(window.tilt_rad / DEG, MAX_TILT_DEG)
             size = window.residual_m_s
-        explained = f"as {tilt:.0f} deg of tilt would" if tilt < MOST_DEG else "as no tilt would"
+        explained = (
+            f"as {tilt:.0f} deg of tilt would" if tilt < MAX_TILT_DEG else "as no tilt would"
+        )
         evidence = f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, {explained}"
         text = "attitude contradicts velocity"
         return _error(Kind.ATTITUDE_VELOCITY, SensorKind.GPS, tilt, text, evidence, since_s)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import Vec3
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-WINDOW_US = 500_000
+REST_WINDOW_US = 500_000
 # A window needs samples; a verdict needs windows.
 MIN_SAMPLES, MIN_WINDOWS = 5, 4
 # At rest no axis turns by more than this about its mean, and no force varies by more.
@@ -55,7 +55,7 @@ class _Reference:
     def follow(self, window: RestWindow) -> None:
         """Takes the gyro's turn during another window."""
         self._windows += 1
-        step_s = 1e-6 * WINDOW_US
+        step_s = 1e-6 * REST_WINDOW_US
         x, y, z = (
             turned + step_s * (now - then)
             for turned, now, then in zip(self._turned, window.w_b, self._first.w_b, strict=True)
@@ -125,9 +125,9 @@ class RestWindows:
             old = self.field
             self.field = m_b_ut if old is None else _blend(old, m_b_ut)
             self._fields.append(m_b_ut)
-        if self._start_us is None or not 0 <= t_us - self._start_us < 2 * WINDOW_US:
+        if self._start_us is None or not 0 <= t_us - self._start_us < 2 * REST_WINDOW_US:
             self._begin(t_us)
-        if t_us - (self._start_us or 0) >= WINDOW_US:
+        if t_us - (self._start_us or 0) >= REST_WINDOW_US:
             self._end()
             self._begin(t_us)
         sums = self._sums

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import ImuSample, VelocityFix
 from h2nav.maths.quaternion import Quat, Vec3, rotate
 
-WINDOW_US = 1_900_000
+WITNESS_WINDOW_US = 1_900_000
 LONGEST_WINDOW_US = 4_000_000
 WINDOWS = 15
 # Attitudes and their errors change: older evidence says nothing about the present.
@@ -146,7 +146,7 @@ class VelocityWitness:
             self._begin(now.t_us, fix)
             return
         length_us = now.t_us - start.t_us
-        if length_us < WINDOW_US:
+        if length_us < WITNESS_WINDOW_US:
             return
         self._settle()
         if length_us <= LONGEST_WINDOW_US:
@@ -213,7 +213,7 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
     if sigma_m_s > WORST_SIGMA_M_S:
         return Verdicts()
     tilt_m_s = math.sqrt(sum(causes[0] ** 2 for causes, _ in rows) / len(windows))
-    bias_m_s = FORCE_BIAS_M_S2 * WINDOW_US * 1e-6
+    bias_m_s = FORCE_BIAS_M_S2 * WITNESS_WINDOW_US * 1e-6
     by_bias = bias_m_s / tilt_m_s if tilt_m_s > 0.0 else math.inf
     return Verdicts(
         _verdict(fit.found[0], math.hypot(math.sqrt(fit.variances[0]), by_bias)),

@@ -23,8 +23,8 @@ from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.lasting import Lasting
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
-WINDOW_US = 200_000
-WINDOW_S = 1e-6 * WINDOW_US
+VOTING_WINDOW_US = 200_000
+VOTING_WINDOW_S = 1e-6 * VOTING_WINDOW_US
 # Fewer samples of a window give no mean.
 MIN_SAMPLES = 4
 # A difference this many deviations long fails (three axes).
@@ -167,7 +167,7 @@ class _Imu:
 
     def take(self, sample: ImuSample) -> bool:
         """Takes a sample; returns whether it has closed a window."""
-        number = sample.t_us // WINDOW_US
+        number = sample.t_us // VOTING_WINDOW_US
         if number == self._number:
             self._samples.append(sample)
             return False
@@ -292,7 +292,7 @@ class _Pair:
         # Their samples are of different times.
         later = 1e-6 * (one.centre_us - other.centre_us) + self._delay_s
         x, y, z = _middle(first.change, second.change)
-        slope = x / WINDOW_S, y / WINDOW_S, z / WINDOW_S
+        slope = x / VOTING_WINDOW_S, y / VOTING_WINDOW_S, z / VOTING_WINDOW_S
         h = (1.0, *value)
         a, b, rows = first.value, second.value, self._rows
         left = (
@@ -301,9 +301,9 @@ class _Pair:
             a[2] - b[2] - later * slope[2] - _dot4(rows[2], h),
         )
         p, sheet = self._p, self._sheet
-        p[0][0] += sheet.walk * sheet.walk * WINDOW_S
+        p[0][0] += sheet.walk * sheet.walk * VOTING_WINDOW_S
         for i in (1, 2, 3):
-            p[i][i] += sheet.shape_walk * sheet.shape_walk * WINDOW_S
+            p[i][i] += sheet.shape_walk * sheet.shape_walk * VOTING_WINDOW_S
         ph = [_dot4(row, h) for row in p]
         noise = self._variance(one, other, value)
         total = _dot4(h, ph) + noise + self._scatter
@@ -345,7 +345,7 @@ class _Pair:
             return
         biases = [row[0] + y for row, y in zip(self._rows, left, strict=True)]
         if math.hypot(*biases) < self._sheet.max_bias:
-            share = WINDOW_S / HEARD_S
+            share = VOTING_WINDOW_S / HEARD_S
             for row, y in zip(self._rows, left, strict=True):
                 row[0] += share * y
             (a, b, c), (x, y, z) = self.heard, left
@@ -353,14 +353,14 @@ class _Pair:
 
     def _open(self, t_us: int, size: float) -> None:
         """Counts the error of an attitude that a difference may have made."""
-        self.open_rad *= math.exp(-WINDOW_S / OPEN_S)
+        self.open_rad *= math.exp(-VOTING_WINDOW_S / OPEN_S)
         if self.raised_us is None or t_us - self.raised_us > OPEN_S * 1e6:
             return
         if self._part is InertialSensor.ACCELEROMETER:
             made_rad = size / GRAVITY_M_S2
             self.open_rad = max(self.open_rad, made_rad)
         else:
-            self.open_rad += size * WINDOW_S
+            self.open_rad += size * VOTING_WINDOW_S
         self.open_rad = min(self.open_rad, MAX_OPEN_RAD)
 
     def _learn(self, left: Vec3, ph: list[float], total: float) -> None:
@@ -373,7 +373,7 @@ class _Pair:
                 row[j] -= gain[i] * ph[j]
 
     def _learn_delay(self, left: Vec3, slope: Vec3, total: float) -> None:
-        self._delay_variance += DELAY_WALK_S * DELAY_WALK_S * WINDOW_S
+        self._delay_variance += DELAY_WALK_S * DELAY_WALK_S * VOTING_WINDOW_S
         gain = self._delay_variance / (total + self._delay_variance * _square(slope))
         self._delay_s += gain * _dot(left, slope)
         self._delay_variance *= 1.0 - gain * _square(slope)
@@ -382,7 +382,7 @@ class _Pair:
         """Variance of a difference of sound sensors, beyond what is learnt, of one axis."""
         sheet = self._sheet
         a, b = one.means[self._part], other.means[self._part]
-        change = max(_square(a.change), _square(b.change)) / (WINDOW_S * WINDOW_S)
+        change = max(_square(a.change), _square(b.change)) / (VOTING_WINDOW_S * VOTING_WINDOW_S)
         # Aliased vibration is no white noise.
         noise = 4.0 * (a.variance / one.samples + b.variance / other.samples)
         shaken = max(w.means[InertialSensor.ACCELEROMETER].variance for w in (one, other))
@@ -392,7 +392,7 @@ class _Pair:
             return found + GYRO_SHAKEN * GYRO_SHAKEN * shaken
         rates = [window.means[InertialSensor.GYRO] for window in (one, other)]
         turning = max(_square(rate.value) for rate in rates)
-        turned = max(_square(rate.change) for rate in rates) / (WINDOW_S * WINDOW_S)
+        turned = max(_square(rate.change) for rate in rates) / (VOTING_WINDOW_S * VOTING_WINDOW_S)
         lever = LEVER_M * (turning + math.sqrt(turned))
         return found + lever * lever + RECTIFIED * RECTIFIED * shaken
 

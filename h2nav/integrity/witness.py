@@ -23,7 +23,7 @@ MOST_WAITING = 8
 COMPARED_WITH = int(Trust.ALIGNED | Trust.CONVERGED)
 BEYOND = 3.0  # deviations
 # Difference of two attitudes that may both be right.
-LEAST_RAD = math.radians(3.0)
+MIN_DIFFERENCE_RAD = math.radians(3.0)
 # A disagreement is reported after the first time if it is plain, or if one side is known to be
 # right; otherwise after the second one.
 LASTING_US = 4_000_000
@@ -96,7 +96,7 @@ class _Disagreement:
         self._part = part
         quality = QUALITIES[source]
         sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
-        self._least_rad = max(BEYOND * sigma_rad, LEAST_RAD)
+        self._least_rad = max(BEYOND * sigma_rad, MIN_DIFFERENCE_RAD)
         self._lasting, self._beyond = _Spell(), _Spell()
         self._is_reported = False
         self._alarm: Alarm | None = None

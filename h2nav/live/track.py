@@ -12,14 +12,14 @@ from h2nav.maths.quaternion import conjugate, multiply, normalize
 LENGTH_NS = 2_000_000_000
 LONGEST_GAP_NS = 300_000_000
 # At the rate of the estimates.
-MOST = 2048
+MAX_TRACK_POINTS = 2048
 
 
 class LiveTrack:
     """Attitudes with their times of arrival."""
 
     def __init__(self) -> None:
-        self._points: deque[tuple[int, Quat]] = deque(maxlen=MOST)
+        self._points: deque[tuple[int, Quat]] = deque(maxlen=MAX_TRACK_POINTS)
 
     def add(self, t_ns: int, q_nb: Quat) -> None:
         """Adds the newest attitude."""

@@ -26,7 +26,7 @@ from h2nav.recordings.context import (
 )
 from h2nav.recordings.imported import Event, ImportedLog
 from h2nav.recordings.imu_series import (
-    LEAST_HZ,
+    MIN_IMU_HZ,
     Fields,
     ImuRows,
     Mask,
@@ -372,7 +372,7 @@ def imus_of(
         own = compasses.get(imu)
         track = track_of(imu, source, log.since_start(samples.t_us), samples, own)
         tracks.append(track._replace(device_ids=device_ids, is_timed=is_timed))
-        if is_timed and samples.rate_hz >= LEAST_HZ:
+        if is_timed and samples.rate_hz >= MIN_IMU_HZ:
             lent = own if own is not None else compasses.get(0)
             # A mean over the time before its stamp is as old as half of that.
             age_s = None if averaged_us is None else 0.5e-6 * float(np.median(averaged_us[good]))
@@ -440,7 +440,7 @@ def vehicle_name(vehicle_type: int) -> str:
 def has_enough_samples(context: Context) -> bool:
     """Whether the recording has enough samples for an attitude."""
     timed = (track for track in context.imus if track.is_timed)
-    return max(map(imu_rate_hz, timed), default=0.0) >= LEAST_HZ
+    return max(map(imu_rate_hz, timed), default=0.0) >= MIN_IMU_HZ
 
 
 def imu_rate_hz(track: ImuTrack) -> float:
@@ -456,7 +456,7 @@ def what_sensors_lack(context: Context) -> tuple[str, ...]:
     lacks = {
         "no IMU samples": not context.imus,
         f"IMU samples only {max(rates_hz, default=0.0):.0f} times a second": bool(rates_hz)
-        and max(rates_hz) < LEAST_HZ,
+        and max(rates_hz) < MIN_IMU_HZ,
         "IMU samples without times of their own": bool(context.imus)
         and not any(track.is_timed for track in context.imus),
         "no compass": not any(np.isfinite(track.m_b_ut[:, 0]).any() for track in context.imus),

@@ -19,7 +19,7 @@ Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 # A slower stream does not suffice for an attitude.
-LEAST_HZ = 20.0
+MIN_IMU_HZ = 20.0
 # The filters' gains are made for 50 to 200 Hz, and faster streams add nothing: means preserve the
 # integrals of rate and force.
 FASTEST_HZ = 255.0

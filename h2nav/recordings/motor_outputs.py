@@ -31,7 +31,7 @@ PX4_BANKS = (
     "SIM_GZ_EC_FUNC",
 )
 # The range of outputs without a pulse width; of PX4's without parameters.
-LEAST_US, MOST_US = 1000.0, 2000.0
+MIN_PWM_US, MAX_PWM_US = 1000.0, 2000.0
 CAN_FULL = 8191.0  # of uavcan.equipment.esc.RawCommand
 # Pulse widths that a motor controller accepts; unused channels show others.
 NARROWEST_US, WIDEST_US = 800.0, 2300.0
@@ -108,18 +108,18 @@ def px4_motors(
         return None
     bank, channels = chosen
     if np.nanmax(bank.values[:, list(channels)]) > WIDEST_US:  # of a motor controller on CAN
-        pwm_us = LEAST_US + (MOST_US - LEAST_US) * bank.values / CAN_FULL
-        return motors_of(channels, bank.t_s, pwm_us, (LEAST_US, MOST_US))
-    least = parameters.get("PWM_MAIN_MIN") or parameters.get("PWM_MIN") or LEAST_US
-    most = parameters.get("PWM_MAIN_MAX") or parameters.get("PWM_MAX") or MOST_US
+        pwm_us = MIN_PWM_US + (MAX_PWM_US - MIN_PWM_US) * bank.values / CAN_FULL
+        return motors_of(channels, bank.t_s, pwm_us, (MIN_PWM_US, MAX_PWM_US))
+    least = parameters.get("PWM_MAIN_MIN") or parameters.get("PWM_MIN") or MIN_PWM_US
+    most = parameters.get("PWM_MAIN_MAX") or parameters.get("PWM_MAX") or MAX_PWM_US
     return motors_of(channels, bank.t_s, bank.values, (least, most))
 
 
 def motors_by_share(shares: Series) -> Motors | None:
     """PX4's motors by number since 1.13: (N, k) shares of their range, NaN where there is none."""
     used = np.flatnonzero(np.isfinite(shares.values).any(axis=0)).tolist()
-    pwm_us = LEAST_US + (MOST_US - LEAST_US) * shares.values
-    return motors_of({i: i + 1 for i in used}, shares.t_s, pwm_us, (LEAST_US, MOST_US))
+    pwm_us = MIN_PWM_US + (MAX_PWM_US - MIN_PWM_US) * shares.values
+    return motors_of({i: i + 1 for i in used}, shares.t_s, pwm_us, (MIN_PWM_US, MAX_PWM_US))
 
 
 def _moves(bank: OutputBank, channels: Mapping[int, int]) -> bool:

@@ -170,7 +170,8 @@ def _imu_rows(log: ULogRows) -> list[ImuRows]:
         _single_sensors(log),
     )
     fast = [
-        [rows for rows in found if rows.samples.rate_hz >= imu_series.LEAST_HZ] for found in choices
+        [rows for rows in found if rows.samples.rate_hz >= imu_series.MIN_IMU_HZ]
+        for found in choices
     ]
     found = next((rows for rows in (*fast, *choices) if rows), [])
     return [rows for rows in found if rows.imu < MOST_IMUS]

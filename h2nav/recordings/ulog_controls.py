@@ -16,7 +16,6 @@ from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.ulog_rows import ULogRows
 
 MOST_OUTPUTS, MOST_ESCS = 16, 8
-LEAST_US, MOST_US = 1000.0, 2000.0
 # battery_status.warning, from low on.
 BATTERY_WARNINGS = {
     1: "battery low",

@@ -49,7 +49,7 @@ CONVICTED_HEADING_RAD = 8.0 * DEG
 GRID_S = 0.1
 # Velocities decide if they fit one attitude this much better.
 BETTER = 0.8
-WINDOW_S = 2.0
+ESTIMATOR_WINDOW_S = 2.0
 # And only if it does fit: with an attitude that is right, this is left over a window.
 FITS_M_S = 1.0
 SEEN_SHARE = 0.5
@@ -499,7 +499,7 @@ def _verdict(
         return "no velocity shows who is right", None
     at_s = gps.t_s[(gps.t_s > span[0]) & (gps.t_s < span[1]) & gps.has_fix]
     v_n = gps.v_n[np.isin(gps.t_s, at_s), :2]
-    late = np.searchsorted(at_s, at_s + WINDOW_S)
+    late = np.searchsorted(at_s, at_s + ESTIMATOR_WINDOW_S)
     first = np.flatnonzero(late < len(at_s))
     # What it measured of a part says nothing of the rest.
     is_short = len(at_s) == 0 or at_s[-1] - at_s[0] < SEEN_SHARE * (span[1] - span[0])

@@ -28,8 +28,8 @@ from h2nav.reviews.receiver_fit import Moves
 from h2nav.reviews.tracks import Bias
 
 # Length on each side of a jump, and the excluded time around it.
-WINDOW_S, GUARD_S = 4.0, 0.5
-REACH_S = WINDOW_S + GUARD_S
+STEP_WINDOW_S, GUARD_S = 4.0, 0.5
+REACH_S = STEP_WINDOW_S + GUARD_S
 EVERY_S = 0.25
 FEWEST_FIXES = 10
 # Afterwards the filter absorbs the jump into its attitude; before it, the bias is steady this long.
@@ -122,7 +122,7 @@ def _jumps(
     """
     q_s = _carried(track, bias_b)
     sums = track.t_s, _sums(track, q_s)
-    edges = at_s + np.array([-1.0, -0.5, 0.0, 0.0, 0.5, 1.0])[:, None] * WINDOW_S
+    edges = at_s + np.array([-1.0, -0.5, 0.0, 0.0, 0.5, 1.0])[:, None] * STEP_WINDOW_S
     edges += np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * GUARD_S
     start = Attitudes(track.t_s, q_s, *np.zeros((2, len(track.t_s)))).at(edges[0])
     q_ns = product(best.at(edges[0]), conjugate(start))
@@ -132,7 +132,7 @@ def _jumps(
     jump = after - before
     size = np.linalg.norm(jump, axis=1)
     # Two differences of means, of two fixes each, plus the aliasing of slow samples.
-    variance = (2.0 * np.median(moves.sigma_m_s) / WINDOW_S) ** 2
+    variance = (2.0 * np.median(moves.sigma_m_s) / STEP_WINDOW_S) ** 2
     variance = variance + 0.25 * np.sum([half.variance for half in halves], axis=0)
     variance += GRAVITY_M_S2**2 * _turn_variance(track, edges[0], edges[-1])
     moved = np.max([np.linalg.norm(half.moved_n, axis=1) for half in halves], axis=0)
@@ -141,7 +141,7 @@ def _jumps(
     least = np.maximum(STEP_M_S2, np.maximum(GATE * np.sqrt(variance), share * moved))
     steady = np.maximum(worst_before, worst_after)
     for earlier in range(1, WINDOWS_BEFORE):
-        shift = earlier * round(WINDOW_S / EVERY_S)
+        shift = earlier * round(STEP_WINDOW_S / EVERY_S)
         steady[:shift] = np.inf
         apart = np.linalg.norm(before[shift:] - before[:-shift], axis=1)
         steady[shift:] = np.maximum(steady[shift:], apart)
@@ -241,6 +241,6 @@ def _findings(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: boo
             "m/s^2",
             f"accelerometer bias jumped by {size[place]:.1f} m/s^2",
             f"({x:+.1f}, {y:+.1f}, {z:+.1f}) m/s^2 in x, y, z, by the receiver's velocity over "
-            f"{WINDOW_S:.0f} s before and after{either}",
+            f"{STEP_WINDOW_S:.0f} s before and after{either}",
         )
     ]

@@ -14,7 +14,7 @@ from h2nav.maths.rows import product
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
 
-WINDOW_S, PARTS = 4.0, 20
+SCALE_WINDOW_S, PARTS = 4.0, 20
 # The field is averaged around each time; at 10 Hz, over two or three values of a compass.
 FIELD_WITHIN_S = 0.15
 FEWEST_WINDOWS = 15
@@ -60,8 +60,8 @@ def detect_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]
             "%",
             f"gyro turns {abs(size):.0f} % too {'much' if size > 0.0 else 'little'} about "
             f"{AXES[axis]}",
-            f"by the field that it carries along over {WINDOW_S:.0f} s: {shown}; data sheets admit "
-            f"{100.0 * SCALE_LIMIT:.0f} %",
+            f"by the field that it carries along over {SCALE_WINDOW_S:.0f} s: {shown}; data sheets "
+            f"admit {100.0 * SCALE_LIMIT:.0f} %",
         )
     ]
 
@@ -83,7 +83,7 @@ def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | N
     has_field = np.isfinite(track.m_b_ut).all(axis=1)
     if not has_field.any() or not armed:
         return None
-    edges = np.arange(track.t_s[0] + WINDOW_S, track.t_s[-1] - WINDOW_S, WINDOW_S)
+    edges = np.arange(track.t_s[0] + SCALE_WINDOW_S, track.t_s[-1] - SCALE_WINDOW_S, SCALE_WINDOW_S)
     if len(edges) <= FEWEST_WINDOWS:
         return None
     around = (edges[:, None] + FIELD_WITHIN_S * np.array([-1.0, 1.0])).ravel()
@@ -145,7 +145,7 @@ def _turned(track: ImuTrack, edges: Array) -> tuple[Array, Array, Array]:
     by_bias, by_scale = np.zeros((2, count, 3, 3))
     for part in reversed(range(PARTS)):
         back = _rotations(conjugate(rest))
-        by_bias += back * WINDOW_S / PARTS
+        by_bias += back * SCALE_WINDOW_S / PARTS
         by_scale += back * logarithm(q[:, part])[:, None, :]
         rest = product(q[:, part], rest)
     return rest, by_bias, by_scale

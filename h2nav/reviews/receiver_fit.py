@@ -28,10 +28,10 @@ from h2nav.reviews.inertial import (
 
 # Half a window; a shorter one fits anything; in a longer one a gyro's bias turns the frame.
 HALF_S = 5.0
-FEWEST, LONGEST_PAUSE_S = 8, 1.5
+MIN_FIT_FIXES, LONGEST_PAUSE_S = 8, 1.5
 # Residual of a sound receiver: twice the usual one of the flight, which is no more than this, and a
 # tenth of the reported error, which slow samples of a vibrating IMU cause.
-TIMES, USUAL_M_S, LEAST_M_S, SHARE = 2.0, 1.0, 0.3, 0.1
+TIMES, USUAL_M_S, MIN_RESIDUAL_M_S, SHARE = 2.0, 1.0, 0.3, 0.1
 # A receiver led astray also fits, with a tilt that the vehicle does not have. Our tilt is more
 # certain than this, except where our heading was unknown: velocities then pull the tilt.
 TILT_RAD, OF_HEADING, MOST_HEADING_RAD = 5.0 * DEG, 0.25, 1.0
@@ -75,7 +75,7 @@ def fits(
         return False
     limit = TIMES * min(float(np.median(all_known)), USUAL_M_S)
     share = SHARE * one.size if one.unit == "m/s" else 0.0
-    return bool(known.max() < max(limit, LEAST_M_S, share))
+    return bool(known.max() < max(limit, MIN_RESIDUAL_M_S, share))
 
 
 def _spread(wanted: Mask) -> NDArray[np.intp]:
@@ -121,7 +121,7 @@ def _left(lined: _Lined, places: NDArray[np.intp]) -> Array:
         t_s = lined.t_s[place]
         part = slice(*np.searchsorted(lined.t_s, (t_s - HALF_S, t_s + HALF_S)))
         times = lined.t_s[part]
-        if len(times) < FEWEST or np.diff(times).max() > LONGEST_PAUSE_S:
+        if len(times) < MIN_FIT_FIXES or np.diff(times).max() > LONGEST_PAUSE_S:
             continue
         a = lined.v_s[part] - lined.v_s[part].mean(axis=0)
         b = lined.v_n[part] - lined.v_n[part].mean(axis=0)

@@ -28,7 +28,7 @@ from h2nav.reviews.inertial import (
 )
 from h2nav.reviews.tracks import Bias
 
-WINDOW_S = 5.0
+BIAS_WINDOW_S = 5.0
 # Parts of a window whose turns are compared, and the shortest mean of turns that shows a bias.
 PARTS = 20
 LEAST_LEVER = 0.4
@@ -109,7 +109,7 @@ def measuring(track: ImuTrack, in_flight: tuple[Finding, ...]) -> ImuTrack:
     """The samples without those of a sensor found frozen, stuck or clipped."""
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     spans = [
-        Span(f.from_s - WINDOW_S, f.to_s + WINDOW_S, f.kind.value)
+        Span(f.from_s - BIAS_WINDOW_S, f.to_s + BIAS_WINDOW_S, f.kind.value)
         for f in in_flight
         if f.sensor == imu and f.kind in DEAD
     ]
@@ -154,12 +154,12 @@ def gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Ma
     the integral of the turns from then until the end.
     """
     nothing = np.zeros(0), np.zeros((0, 3)), np.zeros(0, dtype=bool)
-    if best is None or len(track.t_s) < 2 or track.t_s[-1] - track.t_s[0] < 2.0 * WINDOW_S:
+    if best is None or len(track.t_s) < 2 or track.t_s[-1] - track.t_s[0] < 2.0 * BIAS_WINDOW_S:
         return nothing
-    edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S)
+    edges = np.arange(track.t_s[0], track.t_s[-1], BIAS_WINDOW_S)
     place = np.clip(np.searchsorted(track.t_s, edges, side="right"), 1, len(track.t_s)) - 1
     at_s = track.t_s[place]
-    length_s = np.maximum(np.diff(at_s), 0.5 * WINDOW_S)
+    length_s = np.maximum(np.diff(at_s), 0.5 * BIAS_WINDOW_S)
     q = best.at(at_s)
     by_gyro = turns(track.t_s, track.w_b, at_s)
     by_attitude = product(conjugate(q[:-1]), q[1:])
@@ -211,7 +211,7 @@ def _between_parts(track: ImuTrack, edges: Array) -> Array:
     """(M, 3) mean rate from the mean direction of the first part of each window to the last's."""
     place = np.clip(np.searchsorted(edges, track.t_s, side="right"), 1, len(edges) - 1)
     inside_s = np.minimum(track.t_s - edges[place - 1], edges[place] - track.t_s)
-    weight = np.clip(STILL_PARTS * inside_s / WINDOW_S, 0.0, 1.0)[:, None]
+    weight = np.clip(STILL_PARTS * inside_s / BIAS_WINDOW_S, 0.0, 1.0)[:, None]
     summed = means(track.t_s, np.hstack((weight * track.w_b, weight)), edges)
     rate: Array = summed[:, :3] / summed[:, 3:]
     return rate
@@ -244,13 +244,13 @@ def _large(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
             Kind.GYRO_BIAS,
             imu,
             Severity.WARNING,
-            float(t_s[beyond[0]] - 0.5 * WINDOW_S),
-            float(t_s[beyond[-1]] + 0.5 * WINDOW_S),
+            float(t_s[beyond[0]] - 0.5 * BIAS_WINDOW_S),
+            float(t_s[beyond[-1]] + 0.5 * BIAS_WINDOW_S),
             worst,
             "deg/s",
             f"gyro bias {worst:.1f} deg/s",
             f"({b[0]:+.1f}, {b[1]:+.1f}, {b[2]:+.1f}) deg/s about x, y, z, by the attitude over "
-            f"windows of {WINDOW_S:.0f} s; data sheets admit {GYRO_LIMIT_RAD_S / DEG:.0f}",
+            f"windows of {BIAS_WINDOW_S:.0f} s; data sheets admit {GYRO_LIMIT_RAD_S / DEG:.0f}",
         )
     ]
 
@@ -283,7 +283,7 @@ def _jumps(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
                 "deg/s",
                 f"gyro bias jumped by {value:.1f} deg/s",
                 f"({x:+.1f}, {y:+.1f}, {z:+.1f}) deg/s about x, y, z, between {SIDE} steady "
-                f"windows of {WINDOW_S:.0f} s before and after",
+                f"windows of {BIAS_WINDOW_S:.0f} s before and after",
             )
         )
         size[max(place - SIDE, 0) : place + SIDE + 1] = 0.0
@@ -339,7 +339,7 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     ends = [(track.t_s[0], track.t_s[-1]) for track in tracks if len(track.t_s) > 1]
     if len(ends) < 2:
         return []
-    edges = np.arange(max(a for a, _ in ends), min(b for _, b in ends), WINDOW_S)
+    edges = np.arange(max(a for a, _ in ends), min(b for _, b in ends), BIAS_WINDOW_S)
     if len(edges) < FEWEST_WINDOWS + 1:
         return []
     tracks = tuple(track for track in tracks if len(track.t_s) > 1)
@@ -356,7 +356,7 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
 
 def _is_slow(track: ImuTrack) -> bool:
     """Whether a window has so few samples that their mean is that of a vibration's aliases."""
-    return float(np.median(np.diff(track.t_s))) > WINDOW_S / FEWEST_SAMPLES
+    return float(np.median(np.diff(track.t_s))) > BIAS_WINDOW_S / FEWEST_SAMPLES
 
 
 def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
@@ -425,6 +425,6 @@ def _difference(
         size,
         unit,
         f"{text} {size:.1f} {unit}",
-        f"means of {WINDOW_S:.0f} s, {len(places)} of them beyond {limit / one:.2g} {unit}"
+        f"means of {BIAS_WINDOW_S:.0f} s, {len(places)} of them beyond {limit / one:.2g} {unit}"
         f"{unknown}",
     )

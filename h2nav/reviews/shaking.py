@@ -15,7 +15,7 @@ from h2nav.recordings.context import Array, Context, ImuTrack
 from h2nav.reviews.impacts import Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, means, runs
 
-WINDOW_S = 1.0
+SHAKING_WINDOW_S = 1.0
 # LogAnalyzer warns of two deviations of 3 m/s^2 across and fails at 5 along the vertical, in hover;
 # for one deviation over all axes, half of that and more.
 STRONG_M_S2, STRONG_S = 5.0, 10.0
@@ -99,7 +99,7 @@ def deviations(track: ImuTrack) -> tuple[Array, Array]:
 
     Of all axes, x, y and z, as rms; and of all axes by the median, which a bump does not change.
     """
-    edges = np.arange(track.t_s[0], track.t_s[-1] + WINDOW_S, WINDOW_S)
+    edges = np.arange(track.t_s[0], track.t_s[-1] + SHAKING_WINDOW_S, SHAKING_WINDOW_S)
     steps = np.diff(track.f_b, axis=0, prepend=track.f_b[:1]).astype(float)
     squares = 0.5 * steps**2
     square = means(track.t_s, squares, edges)
@@ -113,11 +113,11 @@ def deviations(track: ImuTrack) -> tuple[Array, Array]:
 def _strong(at_s: Array, size: Array) -> tuple[float, float, float, str, str] | None:
     usual = float(np.median(size))
     strong: Mask = size > STRONG_M_S2
-    if usual < STRONG_M_S2 or strong.sum() * WINDOW_S < STRONG_S:
+    if usual < STRONG_M_S2 or strong.sum() * SHAKING_WINDOW_S < STRONG_S:
         return None
     first = int(np.flatnonzero(strong)[0])
     return (
-        float(at_s[first] - 0.5 * WINDOW_S),
+        float(at_s[first] - 0.5 * SHAKING_WINDOW_S),
         float(at_s[-1]),
         usual,
         f"vibration of {usual:.1f} m/s^2 in the whole flight",
@@ -139,14 +139,14 @@ def _begun(at_s: Array, sizes: Array) -> tuple[float, float, float, str, str] | 
     place, column, growth = min(grown, key=lambda one: one[0])
     size = sizes[:, column]
     usual = float(np.median(size[:place]))
-    now = float(np.median(size[place : place + round(growth.lasts_s / WINDOW_S)]))
+    now = float(np.median(size[place : place + round(growth.lasts_s / SHAKING_WINDOW_S)]))
     last = max(last for _, last in runs(size > growth.times * usual))
     since = np.flatnonzero(_levels(size, growth.lasts_s)[: place + 1] < LEFT * usual)
     first = int(since[-1]) + 1 if len(since) else place
     along = ("", " along x", " along y", " along z", "")[column]
     return (
-        float(at_s[first] - 0.5 * WINDOW_S),
-        float(at_s[last] + 0.5 * WINDOW_S),
+        float(at_s[first] - 0.5 * SHAKING_WINDOW_S),
+        float(at_s[last] + 0.5 * SHAKING_WINDOW_S),
         now,
         f"vibration{along} grew from {usual:.1f} to {now:.1f} m/s^2 at {at_s[first]:.0f} s",
         f"deviation of neighbouring samples of the force{along}, {now / usual:.1f} times that of "
@@ -161,7 +161,7 @@ def _grown(size: Array, typical: Array, growth: _Growth) -> int | None:
         size: (N,) level by which it has grown.
         typical: (N,) level of most samples, which has to grow as well: bumps do not vibrate.
     """
-    reach = round(growth.lasts_s / WINDOW_S)
+    reach = round(growth.lasts_s / SHAKING_WINDOW_S)
     places = np.arange(FEWEST_BEFORE, len(size) - reach + 1)
     if not len(places):
         return None
@@ -179,7 +179,7 @@ def _grown(size: Array, typical: Array, growth: _Growth) -> int | None:
 
 def _levels(size: Array, length_s: float) -> Array:
     """(N,) medians over this time around each."""
-    half = round(0.5 * length_s / WINDOW_S)
+    half = round(0.5 * length_s / SHAKING_WINDOW_S)
     wide = np.pad(size, half, mode="edge")
     levels: Array = np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1), axis=1)
     return levels

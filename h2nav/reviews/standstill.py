@@ -15,13 +15,13 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import Attitudes, Mask, means, rotate
 
-WINDOW_S, PARTS = 2.5, 5
+REST_WINDOW_S, PARTS = 2.5, 5
 # In a window, the forces of its parts stay within a degree's share of gravity; likewise rates.
 STILL_M_S2, STILL_RAD_S = 0.17, 1.0 * DEG
 # A flying or driving vehicle shakes its samples more.
 QUIET_RAD_S, QUIET_M_S2 = 1.5 * DEG, 0.6
 MOVING_M_S, FIX_WITHIN_S = 1.0, 1.0
-FEWEST = 3
+MIN_REST_WINDOWS = 3
 # A larger bias needs fewer windows: in all of them together, gravity would have turned so far.
 WOULD_TURN_RAD, FEWEST_LARGE = 15.0 * DEG, 2
 # About the vertical, gravity shows nothing; but nobody turns a vehicle this evenly for this long.
@@ -61,7 +61,7 @@ def rest_of(track: ImuTrack, context: Context) -> Rest:
     """The windows at rest."""
     if len(track.t_s) < 2 * PARTS:
         return NEVER
-    edges = np.arange(track.t_s[0], track.t_s[-1], WINDOW_S / PARTS)
+    edges = np.arange(track.t_s[0], track.t_s[-1], REST_WINDOW_S / PARTS)
     count = (len(edges) - 1) // PARTS
     if count < 1:
         return NEVER
@@ -94,7 +94,7 @@ def _moving(receivers: Iterable[GpsTrack], t_s: Array) -> Mask:
         speed = np.linalg.norm(np.nan_to_num(gps.v_n[:, :2]), axis=1)
         fast = gps.t_s[gps.has_fix & (speed > MOVING_M_S)]
         first = np.searchsorted(fast, t_s - FIX_WITHIN_S)
-        after = np.searchsorted(fast, t_s + WINDOW_S + FIX_WITHIN_S)
+        after = np.searchsorted(fast, t_s + REST_WINDOW_S + FIX_WITHIN_S)
         moving |= after > first
     return moving
 
@@ -115,13 +115,13 @@ def _gyro(rest: Rest, imu: Sensor) -> list[Finding]:
             imu,
             Severity.ERROR if size > LARGE_RAD_S else Severity.WARNING,
             float(times[0]),
-            float(times[-1] + WINDOW_S),
+            float(times[-1] + REST_WINDOW_S),
             size / DEG,
             "deg/s",
             f"gyro turns at {size / DEG:.1f} deg/s at rest",
             f"({x:+.1f}, {y:+.1f}, {z:+.1f}) deg/s about x, y, z in {alike.sum()} windows of "
-            f"{WINDOW_S:.1f} s at rest, in which gravity did not turn in the body; data sheets "
-            f"admit {BIAS_RAD_S / DEG:.0f}",
+            f"{REST_WINDOW_S:.1f} s at rest, in which gravity did not turn in the body; data "
+            f"sheets admit {BIAS_RAD_S / DEG:.0f}",
         )
     ]
 
@@ -133,20 +133,22 @@ def _against_gravity(rest: Rest, bias: Array, alike: Mask) -> bool:
     if alike.sum() < FEWEST_LARGE:
         return False
     shown = float(np.median(across[alike]))
-    would_turn = float(across[alike].sum()) * WINDOW_S
+    would_turn = float(across[alike].sum()) * REST_WINDOW_S
     return shown > 0.5 * float(np.linalg.norm(bias)) and would_turn > WOULD_TURN_RAD
 
 
 def _is_even(rest: Rest, bias: Array) -> bool:
     """Whether every window shows the same rate, about whatever axis."""
     apart = np.linalg.norm(rest.w_b - bias, axis=1)
-    enough = len(rest.t_s) >= FEWEST and rest.t_s[-1] + WINDOW_S - rest.t_s[0] >= EVEN_S
+    enough = (
+        len(rest.t_s) >= MIN_REST_WINDOWS and rest.t_s[-1] + REST_WINDOW_S - rest.t_s[0] >= EVEN_S
+    )
     is_bias = float(np.linalg.norm(bias)) < MOST_BIAS_RAD_S
     return bool(enough and is_bias and apart.max() < EVEN_RAD_S)
 
 
 def _force(rest: Rest, imu: Sensor) -> list[Finding]:
-    if len(rest.t_s) < FEWEST - 1:
+    if len(rest.t_s) < MIN_REST_WINDOWS - 1:
         return []
     norms = np.linalg.norm(rest.f_b, axis=1)
     norm = float(np.median(norms))
@@ -161,12 +163,12 @@ def _force(rest: Rest, imu: Sensor) -> list[Finding]:
             imu,
             Severity.ERROR if is_scale else Severity.WARNING,
             float(rest.t_s[0]),
-            float(rest.t_s[-1] + WINDOW_S),
+            float(rest.t_s[-1] + REST_WINDOW_S),
             1e3 * abs(share) if is_scale else abs(apart),
             "mg" if is_scale else "m/s^2",
             f"accelerometer shows {norm:.2f} m/s^2 at rest",
             f"gravity is {GRAVITY_M_S2:.2f}: {1e3 * abs(share):.0f} mg of bias, or {share:+.1%} of "
-            f"scale, over {len(norms) * WINDOW_S:.0f} s at rest; data sheets admit "
+            f"scale, over {len(norms) * REST_WINDOW_S:.0f} s at rest; data sheets admit "
             f"{1e3 * FORCE_M_S2 / GRAVITY_M_S2:.0f} mg: calibrate it",
         )
     ]
@@ -189,7 +191,7 @@ def tilt_at_rest(rest: Rest, track: Attitudes) -> float:
     """Angle between gravity at rest and an attitude's vertical, rad; NaN if either is unknown."""
     if not len(rest.t_s) or len(track.t_s) < 2:
         return float("nan")
-    q_nb = track.at(rest.t_s + 0.5 * WINDOW_S)
+    q_nb = track.at(rest.t_s + 0.5 * REST_WINDOW_S)
     known = np.isfinite(q_nb[:, 0])
     if not known.any():
         return float("nan")

@@ -12,7 +12,7 @@ from h2nav.reviews.inertial import Mask, runs, within
 from h2nav.reviews.tracks import TimingTrack
 
 MOST_COLUMNS = 1000
-FEWEST = 100
+MIN_SAMPLES = 100
 # A stamp that advances by less has repeated its sample.
 SAME_US = 0
 # The service keeps an attitude over a gap of this length; the estimators of the autopilots (EKF3,
@@ -42,7 +42,7 @@ REBOOT_US = -1_000_000
 # On a link: 0.2 s is the worst delay of a receiver's fix.
 LATE_S = 0.2
 LATE_SHARE = 0.001
-WINDOW_S = 10.0
+DRIFT_WINDOW_S = 10.0
 # A clock that was set: the quickest arrivals before and after differ by the whole step.
 BESIDE_S, WHOLE_SHARE = 2.0, 0.9
 
@@ -91,7 +91,7 @@ def detect_timing(
         armed: periods in which gaps matter.
         paused: periods without any record, see `pauses`.
     """
-    if len(track.t_s) < FEWEST or not track.is_timed:
+    if len(track.t_s) < MIN_SAMPLES or not track.is_timed:
         return _empty(track), []
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     stamp_s, found = _without_jumps(imu, track, _stamps(track))
@@ -166,10 +166,10 @@ def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:
     delay = t_s - stamp_s
     if np.ptp(delay) < ONE_CLOCK_S:
         return None, None
-    edges = np.arange(t_s[0], t_s[-1] + WINDOW_S, WINDOW_S)
+    edges = np.arange(t_s[0], t_s[-1] + DRIFT_WINDOW_S, DRIFT_WINDOW_S)
     place = np.unique(np.searchsorted(t_s, edges[:-1]).clip(max=len(t_s) - 1))
     quickest = np.minimum.reduceat(delay, place)
-    centres = t_s[place] + 0.5 * WINDOW_S
+    centres = t_s[place] + 0.5 * DRIFT_WINDOW_S
     drift = None
     if t_s[-1] - t_s[0] < DRIFT_FROM_S or len(place) < 4:
         return delay - delay.min(), drift
@@ -280,7 +280,7 @@ def detect_slow_log(track: ImuTrack, context: Context) -> list[Finding]:
     """
     steps = np.diff(track.stamp_us)
     period_us = float(np.median(steps)) if len(steps) else 0.0
-    if len(track.t_s) < FEWEST or period_us <= 1e6 / ALIASING_HZ:
+    if len(track.t_s) < MIN_SAMPLES or period_us <= 1e6 / ALIASING_HZ:
         return []
     rate = 1e6 / period_us
     mask = context.parameters.get("LOG_BITMASK")
@@ -308,7 +308,7 @@ def _drift(imu: Sensor, track: ImuTrack, ppm: float) -> Finding:
     text = f"the autopilot's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}"
     evidence = (
         f"against the recorder's clock over {to_s - from_s:.0f} s, by the quickest arrivals of "
-        f"each {WINDOW_S:.0f} s; two crystals differ by {DRIFT_PPM:.0f} ppm at most"
+        f"each {DRIFT_WINDOW_S:.0f} s; two crystals differ by {DRIFT_PPM:.0f} ppm at most"
     )
     severity = Severity.NOTICE
     if abs(ppm) > SIMULATED_PPM:

@@ -21,7 +21,7 @@ REACH = 2
 # The speed before is the median over these, and the one after over those, in steps of the grid.
 BEFORE, BESIDE, AFTER = 7, 2, 12
 # The least descent that is looked at, and what is left of it when it has ended.
-LEAST_M_S, LEFT_SHARE, LEFT_M_S = 2.0, 0.25, 1.0
+MIN_DESCENT_M_S, LEFT_SHARE, LEFT_M_S = 2.0, 0.25, 1.0
 KEPT_SHARE = 0.8
 # Two sources agree on a speed within this much.
 AGREE_SHARE, AGREE_M_S, AGREE_STEPS = 0.3, 1.0, 3
@@ -111,7 +111,7 @@ def _ends(climb: Array) -> tuple[Mask, Array, Array]:
         windows = np.abs(sliding_window_view(climb, AFTER))
         left[: len(climb) - after] = np.median(windows, axis=1)[BESIDE + 1 :]
         kept, ended = np.roll(-climb, BESIDE), np.roll(-climb, -BESIDE - 1)
-        is_end = before > LEAST_M_S
+        is_end = before > MIN_DESCENT_M_S
         is_end &= left < np.minimum(LEFT_M_S, LEFT_SHARE * before)
         is_end &= (kept > KEPT_SHARE * before) & (ended < LEFT_SHARE * before)
     return is_end, before, left

@@ -17,8 +17,8 @@ ALIGNED = 4  # this sample has given a first attitude
 DISAGREES = 8  # both sensors have contradicted the attitude for a second: the next one aligns
 SATURATED = 16  # a rate or the bias met its limit
 
-INT32_LEAST = -(1 << 31)
-INT32_MOST = (1 << 31) - 1
+I32_MIN = -(1 << 31)
+I32_MAX = (1 << 31) - 1
 GAIN_LIMIT = 8400  # two products with a disagreement stay below 21000
 LEAST_SHIFT = 5
 LEAST_BIAS_SHIFT = 4
@@ -78,7 +78,7 @@ class Sample:
     """One sample."""
 
     gyro: list[I32] = integers(
-        3, INT32_LEAST, INT32_MOST, "rad/us", "angular rate; 1099512 = 1 rad/s", q=40
+        3, I32_MIN, I32_MAX, "rad/us", "angular rate; 1099512 = 1 rad/s", q=40
     )
     gravity: list[I32] = integers(
         3, -32768, 32767, "g", "opposite of the specific force; zeros for none", q=14

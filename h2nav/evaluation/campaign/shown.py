@@ -24,7 +24,7 @@ TRUTHFUL_DEG = 5.0
 # where the field is steep (dip 70 deg), and the norm by as much.
 DISTURBED_DEG, DISTURBED_SHARE = 8.0, 0.1
 # For this long a sensor must have been truthful, and the vehicle accelerated, or unaccelerated.
-WINDOW_S = 10
+SHOWN_WINDOW_S = 10
 ENOUGH_M_S2, STILL_M_S2 = 1.0, 0.3
 NOISY_M_S = 0.5
 GYRO_FAULTS = ("gyro-", "imu-frozen")
@@ -126,11 +126,11 @@ def _receiver(flight: DrawnFlight, seconds: Array) -> Mask:
 
 def _lasting(values: Mask) -> Mask:
     """(S,) whether it has held for the whole window."""
-    return np.asarray(_mean(values.astype(np.float64)) > 1.0 - 0.5 / WINDOW_S)
+    return np.asarray(_mean(values.astype(np.float64)) > 1.0 - 0.5 / SHOWN_WINDOW_S)
 
 
 def _mean(values: Array) -> Array:
     """(S,) mean over the window that ends here; as if 0 before the beginning."""
-    padded = np.concatenate((np.zeros(WINDOW_S - 1), values))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, WINDOW_S)
+    padded = np.concatenate((np.zeros(SHOWN_WINDOW_S - 1), values))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, SHOWN_WINDOW_S)
     return np.asarray(windows.mean(axis=1))

@@ -16,7 +16,7 @@ from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlig
 from h2nav.evaluation.flights.tracks import ErrorTrack, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import truth_of
 
-MOST = 0.98  # of the estimates; where fewer have a truth, that is noted
+MIN_SHARE_WITH_TRUTH = 0.98  # of the estimates; where fewer have a truth, that is noted
 
 
 class FlightTask(NamedTuple):
@@ -65,7 +65,7 @@ def flight_of(task: FlightTask) -> PlayedFlight:
         )
     for name, track in tracks.items():
         share = len(track.t_s) / len(estimates[name].q_nb)
-        if share < MOST:
+        if share < MIN_SHARE_WITH_TRUTH:
             notes.append(f"{name}: {1.0 - share:.0%} of the estimates have no truth near them")
     tracks |= tracks_of_autopilot(truth, autopilot)
     events, phases, more = _events_beside(task, autopilot)

@@ -19,7 +19,7 @@ SENSORS = {
     "barometer": SensorKind.BAROMETER,
 }
 # Autopilots call a sensor unhealthy after a tenth of a second or three missed values.
-LEAST_S, APART_S = 0.5, 5.0
+MIN_DEAD_S, APART_S = 0.5, 5.0
 
 KINDS = (
     Declared(
@@ -60,7 +60,7 @@ def _dead(health: SensorHealth, evidence: FlightEvidence) -> list[Finding]:
     found = []
     for first, last in joined(runs(dead), health.t_s, APART_S):
         from_s, to_s = float(health.t_s[first]), float(health.t_s[last])
-        if to_s - from_s < LEAST_S:
+        if to_s - from_s < MIN_DEAD_S:
             continue
         errors = health.errors[first : last + 1]
         grown = float(np.nanmax(errors) - np.nanmin(errors)) if np.isfinite(errors).any() else 0.0

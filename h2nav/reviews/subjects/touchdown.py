@@ -14,7 +14,7 @@ TOUCHDOWN = FlightKind("touchdown")
 # It flew this high, and is down where its height stays within this of the last one.
 FLOWN_M, DOWN_M, LAST_S = 1.5, 0.3, 2.0
 # The descent before, and how much of it is left where a source does not show it.
-BEFORE_S, LEAST_M_S = 0.8, 0.1
+BEFORE_S, MIN_TOUCHDOWN_M_S = 0.8, 0.1
 APART_S = 3.0
 
 KINDS = (
@@ -68,7 +68,7 @@ def _last(sources: tuple[Climb, ...], height_m: Array, span: Span) -> tuple[floa
     known = np.array([speed for speed in speeds if np.isfinite(speed)])
     speed = float(np.median(known)) if len(known) else 0.0
     alike = np.abs(known - speed) < max(AGREE_M_S, AGREE_SHARE * speed)
-    return (float(t_s[place]), speed) if speed > LEAST_M_S and alike.all() else None
+    return (float(t_s[place]), speed) if speed > MIN_TOUCHDOWN_M_S and alike.all() else None
 
 
 def _finding(t_s: float, speed: float, sources: tuple[Climb, ...]) -> Finding:

@@ -17,7 +17,7 @@ from h2nav.flights.uploads import safe_name
 from h2nav.live.flights import SiteRights
 
 TOKEN = "0123456789abcdefTOKEN"
-MOST = 1 << 20
+MAX_UPLOAD_BYTES = 1 << 20
 ULOG = b"ULog\x01\x12\x35\x01" + bytes(2000)
 UNLOCKED = {"Authorization": f"Bearer {TOKEN}"}
 
@@ -29,7 +29,7 @@ def folder(tmp_path) -> FlightFolder:
 
 @pytest.fixture
 def page(folder):
-    with served(None, flights=folder, rights=SiteRights(TOKEN, MOST)) as running:
+    with served(None, flights=folder, rights=SiteRights(TOKEN, MAX_UPLOAD_BYTES)) as running:
         yield running
 
 
@@ -139,7 +139,7 @@ def test_delete_and_review_again(page, folder):
 
 
 def test_what_is_no_recording_too_large_or_cut_off_leaves_nothing(page, folder):
-    for content, status in ((b"", 415), (b"hello" * 99, 415), (bytes(MOST + 1), 413)):
+    for content, status in ((b"", 415), (b"hello" * 99, 415), (bytes(MAX_UPLOAD_BYTES + 1), 413)):
         with contextlib.suppress(ConnectionError):  # hung up on before its body was read
             assert upload(page, content)[0] == status
     with page.connect() as connection:

@@ -53,10 +53,10 @@ def test_after_our_newest_it_stands_still(track):
 
 def test_it_forgets(track):
     newest_ns = 10 * STEP_NS
-    for _ in range(10 * live_track.MOST):
+    for _ in range(10 * live_track.MAX_TRACK_POINTS):
         newest_ns += 1000
         track.add(newest_ns, ours(newest_ns))
-    kept_ns = live_track.MOST * 1000
+    kept_ns = live_track.MAX_TRACK_POINTS * 1000
     assert track.carried(newest_ns - kept_ns, conjugate(ours(0))) is None
     track.add(newest_ns + live_track.LENGTH_NS + 1, ours(0))
     assert track.carried(newest_ns, ours(newest_ns)) is None

@@ -37,8 +37,8 @@ RESTARTED = 16
 SATURATED = 32
 ALIGNED = 64  # this sample has given a first attitude
 
-INT32_LEAST = -(1 << 31)
-INT32_MOST = (1 << 31) - 1
+I32_MIN = -(1 << 31)
+I32_MAX = (1 << 31) - 1
 CORRECTION_MOST = 1 << 30
 VELOCITY_MOST = 1 << 29  # 32 s: 313 m/s
 THETA_MOST = (1 << 30) - 1  # of a sensitivity, a covariance, a correction of theta
@@ -331,7 +331,7 @@ class Sample:
     """One sample."""
 
     gyro: list[I32] = integers(
-        3, INT32_LEAST, INT32_MOST, "rad/us", "angular rate; 1099512 = 1 rad/s", q=40
+        3, I32_MIN, I32_MAX, "rad/us", "angular rate; 1099512 = 1 rad/s", q=40
     )
     accel: list[I32] = integers(3, -FORCE_MOST, FORCE_MOST - 1, "g", "specific force", q=20)
     mag: list[I32] = integers(3, -32768, 32767, "64 uT", "magnetic field", q=14)
