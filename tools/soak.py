@@ -50,8 +50,8 @@ LOG_FILES = 3
 DRAINED_S = 0.1
 # The index of the present log file grows until the next file, and caches breathe. A leak of one
 # block a second would be 78,000 blocks in a day, one a sample twenty times as many.
-MOST_GROWN_BLOCKS = 15_000
-MOST_GROWN_MIB = 16.0
+MAX_GROWN_BLOCKS = 15_000
+MAX_GROWN_MIB = 16.0
 KIB_PER_MIB = 1024.0
 STATION = (255, 190)
 
@@ -242,9 +242,9 @@ def complaints(lost: int, seconds: int, first: Sizes, last: Sizes) -> list[str]:
     # Binding takes a few seconds, each reboot a few samples.
     if lost > 1000 + 10 * (seconds // REBOOT_S):
         found.append(f"{lost} samples were not used")
-    if last.rss_mib - first.rss_mib > MOST_GROWN_MIB:
+    if last.rss_mib - first.rss_mib > MAX_GROWN_MIB:
         found.append(f"memory grew by {last.rss_mib - first.rss_mib:.1f} MiB")
-    if last.blocks - first.blocks > MOST_GROWN_BLOCKS:
+    if last.blocks - first.blocks > MAX_GROWN_BLOCKS:
         found.append(f"Python holds {last.blocks - first.blocks} more blocks")
     if last.descriptors > first.descriptors:
         found.append(f"{last.descriptors - first.descriptors} more descriptors are open")

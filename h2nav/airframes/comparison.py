@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from h2nav.airframes.features import FlightRow, named, row_of_document
-from h2nav.airframes.trend import FEWEST_EARLIER, deviation_of
+from h2nav.airframes.trend import MIN_EARLIER, deviation_of
 
 # First words of parameters and what they set; the longest that fits counts. Sources: the parameter
 # references of ArduPilot and PX4.
@@ -156,7 +156,7 @@ def _figure(
     least = math.inf if known is None else known.feature.least
     values = [row.features[name] for row in earlier if name in row.features]
     deviation = least
-    if len(values) >= FEWEST_EARLIER:
+    if len(values) >= MIN_EARLIER:
         deviation = max(deviation_of(np.array(values)), least)
     apart = None
     if first is not None and second is not None and math.isfinite(deviation):

@@ -23,9 +23,9 @@ from h2nav.airframes.features import Feature, FlightRow, named
 Array = NDArray[np.float64]
 
 # Fewer earlier flights show nothing; older ones are of another vehicle in all but name.
-FEWEST_EARLIER, MOST_EARLIER = 5, 30
+MIN_EARLIER, MAX_EARLIER = 5, 30
 # Among so many before it those are searched in which a figure is known, as warm as now.
-MOST_SEARCHED = 300
+MAX_SEARCHED = 300
 STEP_DEVIATIONS = 3.0
 # Deviations Q_n of 5, 6, ... 30 independent normal values beyond which the next one lies with a
 # probability of 4.5e-4, and beyond all of them; simulated, 4e5 to 1e6 series each.
@@ -92,7 +92,7 @@ def departures(earlier: Sequence[FlightRow], row: FlightRow) -> tuple[Departure,
         One for each feature that did, a step before a drift.
     """
     past = own_past(earlier, row)
-    if len(past) < FEWEST_EARLIER:
+    if len(past) < MIN_EARLIER:
         return ()
     found = (_departure(name, value, past, row) for name, value in sorted(row.features.items()))
     known = [one for one in found if one is not None]
@@ -106,7 +106,7 @@ def own_past(rows: Iterable[FlightRow], row: FlightRow) -> tuple[FlightRow, ...]
     same = (one for one in rows if one.airframe == row.airframe)
     past = (one for one in same if one.start_unix_s < row.start_unix_s)
     # A flight recorded twice, by autopilot and ground station, has all but the same date.
-    return tuple(sorted(past, key=lambda one: one.start_unix_s)[-MOST_SEARCHED:])
+    return tuple(sorted(past, key=lambda one: one.start_unix_s)[-MAX_SEARCHED:])
 
 
 def _departure(
@@ -118,8 +118,8 @@ def _departure(
     feature, number = known
     values = np.array(
         [one.features[name] for one in past if _is_alike(feature, number, one, row, name)]
-    )[-MOST_EARLIER:]
-    if len(values) < FEWEST_EARLIER:
+    )[-MAX_EARLIER:]
+    if len(values) < MIN_EARLIER:
         return None
     usual = float(np.median(values))
     if value < usual and not feature.both_ways:
@@ -160,7 +160,7 @@ def deviation_of(values: Array) -> float:
 def _is_step(values: Array, value: float, usual: float, least: float) -> bool:
     if values.min() <= value <= values.max():
         return False
-    factor = STEP_FACTORS[min(len(values), MOST_EARLIER) - FEWEST_EARLIER]
+    factor = STEP_FACTORS[min(len(values), MAX_EARLIER) - MIN_EARLIER]
     size = max(STEP_DEVIATIONS * least, max(factor, STEP_DEVIATIONS) * deviation_of(values))
     return abs(value - usual) > size
 

@@ -43,7 +43,7 @@ ODOMETRY_FRAME_BYTES = 245
 WHEEL_DISTANCE_FRAME_BYTES = 149
 OTHER_TRAFFIC_BYTES_S = 600.0
 BITS_PER_SERIAL_BYTE = 10
-MOST_OF_A_SHARED_LINK = 0.5
+MAX_OF_A_SHARED_LINK = 0.5
 AUTOPILOT_COMPONENT_ID = 1  # MAV_COMP_ID_AUTOPILOT1, the only one that autopilots use
 
 
@@ -480,7 +480,7 @@ def _link_warnings(configuration: Configuration) -> list[str]:
         return []
     load = link_load(configuration)
     share = (load.inbound + load.outbound) / (link.baud / BITS_PER_SERIAL_BYTE)
-    if share <= MOST_OF_A_SHARED_LINK:
+    if share <= MAX_OF_A_SHARED_LINK:
         return []
     return [
         f"link.url: what we ask for and send is {100.0 * share:.0f} % of what {link.baud} baud "

@@ -9,7 +9,7 @@ from h2nav.airframes.features import FlightRow, row_of_document
 from h2nav.errors import BadInput
 
 # A larger file is no document of a review.
-_MOST_BYTES = 64 << 20
+_MAX_BYTES = 64 << 20
 
 
 def rows_in(folders: Iterable[Path]) -> tuple[FlightRow, ...]:
@@ -33,7 +33,7 @@ def rows_in(folders: Iterable[Path]) -> tuple[FlightRow, ...]:
 def row_in(path: Path) -> FlightRow | None:
     """The flight whose document this is; None if it is none."""
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if path.stat().st_size > _MAX_BYTES:
             return None
         document = orjson.loads(path.read_bytes())
     except (OSError, orjson.JSONDecodeError):

@@ -32,9 +32,9 @@ from h2nav.wire.signing import LocalStamp, SignatureChecker, Signer
 
 SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1
-MOST_BIAS_DEG_S = 100.0
-MOST_FIELD_MG = 5000.0
-MOST_OFFSET = 10.0
+MAX_BIAS_DEG_S = 100.0
+MAX_FIELD_MG = 5000.0
+MAX_OFFSET = 10.0
 AXES = ("X", "Y", "Z")
 BITS_PER_BYTE_ON_A_LINE = 10
 
@@ -271,8 +271,8 @@ def _options(args: argparse.Namespace) -> AutopilotOptions:
         raise BadInput("--seconds: expected a number of 0 or more")
     if args.baud is not None and not 300 <= args.baud <= 12e6:
         raise BadInput("--baud: expected a number from 300 to 12000000")
-    if not all(abs(bias) <= MOST_BIAS_DEG_S for bias in args.gyro_bias_deg_s):
-        raise BadInput(f"--gyro-bias-deg-s: expected three numbers within +-{MOST_BIAS_DEG_S:g}")
+    if not all(abs(bias) <= MAX_BIAS_DEG_S for bias in args.gyro_bias_deg_s):
+        raise BadInput(f"--gyro-bias-deg-s: expected three numbers within +-{MAX_BIAS_DEG_S:g}")
     faults = tuple(parse_fault(text) for text in args.fault)
     for text, fault in zip(args.fault, faults, strict=True):
         if fault.imu > args.imus:
@@ -322,13 +322,13 @@ def _wrong(args: argparse.Namespace) -> Miscalibration:
     )
     fields = (*wrong.compass_offset_mg, *wrong.motor_field_mg)
     scales = (*wrong.compass_scale, *wrong.accelerometer_scale)
-    if not all(abs(value) <= MOST_FIELD_MG for value in fields):
-        raise BadInput(f"a field: expected numbers within +-{MOST_FIELD_MG:g} mG")
+    if not all(abs(value) <= MAX_FIELD_MG for value in fields):
+        raise BadInput(f"a field: expected numbers within +-{MAX_FIELD_MG:g} mG")
     if not all(0.5 <= value <= 2.0 for value in scales):
         raise BadInput("a scale: expected numbers from 0.5 to 2")
     offsets = (*wrong.accelerometer_offset_m_s2, *wrong.gyro_offset_deg_s, *wrong.board_deg)
-    if not all(abs(value) <= MOST_OFFSET for value in offsets):
-        raise BadInput(f"an offset or an angle: expected numbers within +-{MOST_OFFSET:g}")
+    if not all(abs(value) <= MAX_OFFSET for value in offsets):
+        raise BadInput(f"an offset or an angle: expected numbers within +-{MAX_OFFSET:g}")
     if not abs(wrong.compass_turned_deg) <= 360.0:
         raise BadInput("--compass-turned: expected a number within +-360")
     return wrong

@@ -11,7 +11,7 @@ from h2nav.files.whole_file import sync_folder
 PART_SUFFIX = ".part"
 FILE_MODE = 0o640
 # More waiting parts than a link brings in a second mean a disk that hangs.
-MOST_WAITING = 4096
+MAX_WAITING = 4096
 
 
 class FetchedFile:
@@ -37,7 +37,7 @@ class FetchedFile:
     @property
     def has_room(self) -> bool:
         """Whether the disk keeps up."""
-        return len(self._waiting) < MOST_WAITING
+        return len(self._waiting) < MAX_WAITING
 
     def write(self, offset: int, data: bytes) -> None:
         """Writes a part."""

@@ -14,7 +14,7 @@ from h2nav.service.effects import Notice
 from h2nav.wire.deframer import Frame
 from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.signing import (
-    MOST_STREAMS,
+    MAX_STREAMS,
     Denial,
     SignatureChecker,
     Signer,
@@ -38,7 +38,7 @@ CAUSES = {
     "senders share their ids and link id",
     Denial.OLD_STAMP: "its time stamp is over a minute behind ours; it is a replay, or its "
     "sender's clock is behind",
-    Denial.TOO_MANY_STREAMS: f"{MOST_STREAMS} senders are known already; restart h2nav to forget "
+    Denial.TOO_MANY_STREAMS: f"{MAX_STREAMS} senders are known already; restart h2nav to forget "
     "those that have left",
 }
 

@@ -39,7 +39,7 @@ LONGEST_PAUSE_NS = 60 * SECOND_NS
 # A viewer that has run for this long works.
 PROVED_NS = 60 * SECOND_NS
 # Consecutive packets that it did not take, at five or more a second.
-MOST_REFUSED = 150
+MAX_REFUSED = 150
 END_WITHIN_S = 1.0
 MEMORY = Path("/proc/self/statm")
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -144,7 +144,7 @@ class LiveView:
                 said += self._heard(word)
         except ConnectionError as error:
             return [*said, self._lost(t_ns, str(error))]
-        if self.feed.refused > MOST_REFUSED:
+        if self.feed.refused > MAX_REFUSED:
             return [*said, self._lost(t_ns, "it has stopped reading")]
         return said
 

@@ -37,7 +37,7 @@ exit status: 1 if something remained or the findings differ; the new file is kep
 # Findings of both reviews are the same within this.
 SAME_S = 0.5
 # Weeks by which dates go back.
-MOST_WEEKS = 200
+MAX_WEEKS = 200
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     kind = _kind(args.log)
     fixes, unix_s = _facts(kind, args.log)
     origin = fixes[0] if fixes else None
-    weeks = 0 if args.keep_date else 1 + secrets.randbelow(MOST_WEEKS)
+    weeks = 0 if args.keep_date else 1 + secrets.randbelow(MAX_WEEKS)
     target = _target(args, origin, unix_s)
     by = Replacement(origin, target, weeks, secrets.token_bytes(32))
     try:

@@ -12,7 +12,7 @@ from h2nav.errors import BadInput
 if TYPE_CHECKING:
     from h2nav.log.survey import LogSurvey
 
-MOST_LISTED = 40
+MAX_LISTED = 40
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -104,10 +104,10 @@ def _account(found: "LogSurvey") -> list[str]:
     lines = [
         f"state: {span.from_s:.1f} to {span.to_s:.1f} s {span.state}"
         + (f": {span.reason}" if span.reason else "")
-        for span in found.states[:MOST_LISTED]
+        for span in found.states[:MAX_LISTED]
     ]
-    if len(found.states) > MOST_LISTED:
-        lines.append(f"state: {len(found.states) - MOST_LISTED} more (--json lists them)")
+    if len(found.states) > MAX_LISTED:
+        lines.append(f"state: {len(found.states) - MAX_LISTED} more (--json lists them)")
     lines += [f"refused: {reason} {count}" for reason, count in sorted(found.refusals.items())]
     lines += [_finding(finding) for finding in found.findings]
     lines += [

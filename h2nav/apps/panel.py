@@ -9,7 +9,7 @@ from h2nav.log.recorder import RecorderRecord
 from h2nav.maths import quaternion
 from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord
 
-MOST_ALARMS = 4
+MAX_ALARMS = 4
 NOTHING = "-"
 ANGLES = "{:>9} {:>8} {:>8}"
 BACKED = {"h2nav": "h2nav", "autopilot": "the autopilot"}
@@ -146,9 +146,9 @@ def _log(log: LogSight | None) -> str:
 
 
 def _alarms(alarms: list[str]) -> list[str]:
-    lines = [f"! {alarm}" for alarm in alarms[:MOST_ALARMS]]
-    if len(alarms) > MOST_ALARMS:
-        lines[-1] = f"! and {len(alarms) - MOST_ALARMS + 1} more"
+    lines = [f"! {alarm}" for alarm in alarms[:MAX_ALARMS]]
+    if len(alarms) > MAX_ALARMS:
+        lines[-1] = f"! and {len(alarms) - MAX_ALARMS + 1} more"
     return lines
 
 

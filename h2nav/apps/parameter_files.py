@@ -5,7 +5,7 @@ from pathlib import Path
 
 from h2nav.errors import BadInput
 
-MOST_LINES = 20_000
+MAX_LINES = 20_000
 
 
 def read_parameters(path: Path) -> dict[str, float]:
@@ -45,6 +45,6 @@ def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
                 f"{name}:{number}: {line.strip()[:60]!r} is not a parameter; expected NAME,VALUE "
                 "or QGroundControl's five columns"
             ) from None
-        if number > MOST_LINES:
-            raise BadInput(f"{name}: more than {MOST_LINES} lines; this is not a parameter file")
+        if number > MAX_LINES:
+            raise BadInput(f"{name}: more than {MAX_LINES} lines; this is not a parameter file")
     return found

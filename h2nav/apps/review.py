@@ -14,7 +14,7 @@ from h2nav.errors import BadInput, TaskFailed
 from h2nav.integrity.severity import Severity
 
 # The page lists all of them.
-MOST_SHOWN = 20
+MAX_SHOWN = 20
 SOMETHING_SERIOUS = 3
 FAILING = (Severity.ERROR, Severity.WARNING)
 _CLOSING = """\
@@ -165,9 +165,9 @@ def _show(document: dict[str, Any], page: Path) -> None:
     count = "1 finding" if len(findings) == 1 else f"{len(findings) or 'no'} findings"
     print(f"{page}: {document['duration_s']:.0f} s, {count}")
     print(f"  {document['verdict']}")
-    for each in findings[:MOST_SHOWN]:
+    for each in findings[:MAX_SHOWN]:
         span = f"{each['from_s']:.1f} to {each['to_s']:.1f} s"
         print(f"  {each['severity']}: {span}: {each['source']}: {each['text']}")
-    if len(findings) > MOST_SHOWN:
-        print(f"  and {len(findings) - MOST_SHOWN} more")
+    if len(findings) > MAX_SHOWN:
+        print(f"  and {len(findings) - MAX_SHOWN} more")
     sys.stdout.flush()

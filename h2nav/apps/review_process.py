@@ -11,7 +11,7 @@ import orjson
 from h2nav.apps.reviewer import ReviewJob
 from h2nav.flights.folder import FlightFolder
 
-MOST_SAID_BYTES = 1 << 20
+MAX_SAID_BYTES = 1 << 20
 _READ_BYTES = 65536
 
 
@@ -95,7 +95,7 @@ class ReviewProcess:
                 return
             if not data:
                 return
-            self._said = (self._said + data)[-MOST_SAID_BYTES:]
+            self._said = (self._said + data)[-MAX_SAID_BYTES:]
 
     def _close(self, process: "subprocess.Popen[bytes]") -> None:
         assert process.stdout is not None

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import orjson
 
 from h2nav.errors import BadInput, TaskFailed
-from h2nav.flights.folder import FILE_MODE, MOST_ATTEMPTS, FlightFiles, FlightFolder, FlightRecord
+from h2nav.flights.folder import FILE_MODE, MAX_ATTEMPTS, FlightFiles, FlightFolder, FlightRecord
 from h2nav.flights.retention import KeptFlight, RetentionLimits, to_delete
 from h2nav.flights.summary import sentence_of, summary_of
 from h2nav.host.yielding import NICEST, run_when_idle, yield_to_others
@@ -32,8 +32,8 @@ from h2nav.log.folder import MIB
 if TYPE_CHECKING:  # loaded where there is a flight to review
     from h2nav.airframes.features import FlightRow
 
-MOST_FILES = 128
-MOST_PAGE_BYTES = 1 << 29
+MAX_FILES = 128
+MAX_PAGE_BYTES = 1 << 29
 # After the limit of processor time, for the words of the error.
 LAST_WORDS_S = 10
 SCRATCH = ".review-"
@@ -80,9 +80,9 @@ def _bound(job: ReviewJob) -> None:
     yield_to_others(
         NICEST,
         {
-            resource.RLIMIT_NOFILE: MOST_FILES,
+            resource.RLIMIT_NOFILE: MAX_FILES,
             resource.RLIMIT_DATA: job.memory_mb * MIB,
-            resource.RLIMIT_FSIZE: MOST_PAGE_BYTES,
+            resource.RLIMIT_FSIZE: MAX_PAGE_BYTES,
             resource.RLIMIT_CORE: 0,
         },
     )
@@ -123,8 +123,8 @@ def _next_review(folder: FlightFolder, job: ReviewJob) -> dict[str, Any]:
 
 def _reviewed(folder: FlightFolder, flight: FlightFiles, job: ReviewJob) -> FlightRecord:
     """Reviews a flight and commits the result; OSError where it cannot be stored."""
-    if folder.attempt(flight.id) > MOST_ATTEMPTS:
-        times = f"{MOST_ATTEMPTS} times"
+    if folder.attempt(flight.id) > MAX_ATTEMPTS:
+        times = f"{MAX_ATTEMPTS} times"
         return folder.commit(flight, {}, error=f"its review ended with its process, {times}")
     scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=folder.reviews))
     try:

@@ -11,7 +11,7 @@ from h2nav.attitude.samples import ImuSample, Quat, Vec3
 from h2nav.maths.quaternion import IDENTITY, exp, from_matrix, multiply, rotate
 
 # Sine of the angle between force and field below which they name no heading.
-_LEAST_ANGLE = 0.02
+_MIN_ANGLE = 0.02
 
 
 def triad(force_b: Vec3, field_b: Vec3 | None) -> Quat:
@@ -102,7 +102,7 @@ def _across(down: Vec3, v: Vec3) -> Vec3 | None:
     """The unit vector of down x v; None if they are nearly parallel."""
     c = _cross(down, v)
     sine = math.hypot(*c)
-    if not sine > _LEAST_ANGLE * math.hypot(*v):
+    if not sine > _MIN_ANGLE * math.hypot(*v):
         return None
     return (c[0] / sine, c[1] / sine, c[2] / sine)
 

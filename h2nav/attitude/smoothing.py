@@ -37,7 +37,7 @@ LONGEST_GAP_US = 1_000_000
 FIX_DELAY_US = 50_000
 # Errors shared by the runs do not average out: 1 mg of accelerometer bias, 0.06 deg of the
 # vertical. Nothing is known better than the vertical to which it refers.
-LEAST_SIGMA_RAD = 1e-3
+MIN_SIGMA_RAD = 1e-3
 # A heading is tied to north for this long after the run said so; some say so only with a field.
 REFERENCED_US = 1_000_000
 
@@ -620,15 +620,15 @@ def _share(
     if not knows_b or not knows_f:
         # If neither knows anything, the forward one stays: it is what the flight had.
         share, sigma = (1.0, sigma_b) if knows_b else (0.0, sigma_f)
-        return share, sigma if math.isnan(sigma) else max(sigma, LEAST_SIGMA_RAD)
+        return share, sigma if math.isnan(sigma) else max(sigma, MIN_SIGMA_RAD)
     if math.isnan(sigma_f) or math.isnan(sigma_b):
         return 0.5, math.nan
-    p_f = max(sigma_f, LEAST_SIGMA_RAD) ** 2
-    p_b = max(sigma_b, LEAST_SIGMA_RAD) ** 2
+    p_f = max(sigma_f, MIN_SIGMA_RAD) ** 2
+    p_b = max(sigma_b, MIN_SIGMA_RAD) ** 2
     share = p_f / (p_f + p_b)
     # Estimates further apart than predicted are less accurate than predicted.
     spread = share * (1.0 - share) * apart_rad * apart_rad
-    return share, math.sqrt(max(share * p_b, spread, LEAST_SIGMA_RAD**2))
+    return share, math.sqrt(max(share * p_b, spread, MIN_SIGMA_RAD**2))
 
 
 def _less(v: Vec3, w: Vec3) -> Vec3:

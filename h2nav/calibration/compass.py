@@ -51,9 +51,9 @@ from h2nav.calibration.settings import (
 from h2nav.maths.units import DEG
 
 MG_PER_UT = 10.0
-FEWEST_ROWS = 50
+MIN_ROWS = 50
 # More than an offset requires 15 s of each half of the blocks.
-FEWEST_RICH_ROWS = 75
+MIN_RICH_ROWS = 75
 # Half a circle of headings determines its centre.
 WIDEST_GAP_DEG = 180.0
 # A working compass follows the turns: this share of the change of the earth's field in the body.
@@ -159,7 +159,7 @@ def _settings(evidence: Evidence, compass: int, device_id: int) -> CompassSettin
 
 def _unusable(rows: FieldRows) -> str:
     """Why nothing can be fitted; empty if it can."""
-    if len(rows.t_s) < FEWEST_ROWS:
+    if len(rows.t_s) < MIN_ROWS:
         return f"only {len(rows.t_s) * ROW_S:.0f} s of usable flight"
     moved, measured = _spread(rows.earth_ut), _spread(rows.raw_ut)
     gap = widest_gap_deg(headings_flown(rows))
@@ -283,7 +283,7 @@ def _unseen_ut(subject: Subject, model: Model) -> float:
     found = []
     for half in (0, 1):
         seen, unseen = part_of(rows, block == half), part_of(rows, block != half)
-        least = FEWEST_ROWS // 2 if model == Model() else FEWEST_RICH_ROWS
+        least = MIN_ROWS // 2 if model == Model() else MIN_RICH_ROWS
         if min(len(seen.t_s), len(unseen.t_s)) < least:
             return math.inf
         fit = _fit_of(seen, settings, model)

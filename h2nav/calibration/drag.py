@@ -24,18 +24,18 @@ from h2nav.reviews.inertial import conjugate, interpolated, means, rotate, slowe
 from h2nav.reviews.sensor_bias import measuring
 
 DRAG_WINDOW_S = 0.5
-MOST_ROWS = 4000
+MAX_ROWS = 4000
 # Fixes arrive so much later than they were true, roughly; the speed changes little within it.
 LAG_S = 0.15
 LONGEST_FIX_GAP_S = 0.6
 # In a turn the accelerometer feels its own lever.
 FASTEST_RAD_S = 60.0 * DEG
 # Less lift is a vehicle that falls or stands on something.
-LEAST_LIFT_M_S2, MOST_LIFT_M_S2 = 6.0, 16.0
+MIN_LIFT_M_S2, MAX_LIFT_M_S2 = 6.0, 16.0
 SURE_TILT_RAD, SURE_HEADING_RAD = 3.0 * DEG, 12.0 * DEG
-FEWEST_ROWS = 200
+MIN_ROWS = 200
 # Speeds along both axes, and a share of windows that fit.
-LEAST_RANGE_M_S, UNFIT = 8.0, 0.3
+MIN_RANGE_M_S, UNFIT = 8.0, 0.3
 # A better parameter: known to this share, halves alike within that, and so far from the one in use.
 SURE_SHARE, ALIKE_SHARE, RELEVANT_SHARE, SURE = 0.15, 0.4, 0.2, 4.0
 # Two terms are a model of a vehicle: gusts within a window and rotors at other speeds differ.
@@ -61,7 +61,7 @@ def calibrate_drag(flights: Sequence[Evidence]) -> Outcome:
         return own._replace(left=("only rotors push along one axis",))
     found = [rows for n, each in enumerate(flights) if (rows := rows_of(each, n)) is not None]
     rows = together(found) if found else None
-    if rows is None or len(rows.t_s) < FEWEST_ROWS:
+    if rows is None or len(rows.t_s) < MIN_ROWS:
         return own._replace(left=("too little flight with velocity, heading and forces",))
     is_px4 = last.autopilot == PX4
     fit = fitted_drag(rows, is_whole_speed=is_px4)
@@ -70,7 +70,7 @@ def calibrate_drag(flights: Sequence[Evidence]) -> Outcome:
     own = own._replace(figures=figures, wind_n_m_s=_wind(rows, fit, len(flights) - 1))
     if (fit.weight < 0.5).mean() > UNFIT:
         return own._replace(left=("forces and speeds contradict each other",))
-    if min(range_x, range_y) < LEAST_RANGE_M_S:
+    if min(range_x, range_y) < MIN_RANGE_M_S:
         why = f"speeds over {range_x:.0f} m/s along x and {range_y:.0f} along y show no drag"
         return own._replace(left=(f"{why}: fly steps of speed ahead and aside",))
     halves = [fitted_drag(half, is_whole_speed=is_px4) for half in halves_of(rows)]
@@ -114,13 +114,13 @@ def rows_of(evidence: Evidence, number: int) -> DragRows | None:
     good = np.isfinite(mean).all(axis=1) & np.isfinite(q_nb).all(axis=1)
     good &= np.isfinite(at_fix).all(axis=1) & (_nearest_s(gps.t_s[fixed], t_s) < LONGEST_FIX_GAP_S)
     good &= within(t_s, context.armed) & (np.linalg.norm(mean[:, 3:], axis=1) < FASTEST_RAD_S)
-    good &= (-mean[:, 2] > LEAST_LIFT_M_S2) & (-mean[:, 2] < MOST_LIFT_M_S2)
+    good &= (-mean[:, 2] > MIN_LIFT_M_S2) & (-mean[:, 2] < MAX_LIFT_M_S2)
     good &= attitude.near(attitude.sigma_tilt_rad, t_s) < SURE_TILT_RAD
     good &= attitude.near(attitude.sigma_heading_rad, t_s) < SURE_HEADING_RAD
     if not good.any():
         return None
     chosen = np.flatnonzero(good)
-    chosen = chosen[:: len(chosen) // MOST_ROWS + 1]
+    chosen = chosen[:: len(chosen) // MAX_ROWS + 1]
     inverse = conjugate(q_nb[chosen])
     axes = [rotate(inverse, np.tile(axis, (len(chosen), 1))) for axis in np.eye(3)]
     density = [standard_density_kg_m3(altitude) for altitude in at_fix[chosen, 3].tolist()]

@@ -33,7 +33,7 @@ START = np.array((0.02, 0.02, 0.2, 0.0, 0.0, 0.0, 0.0))
 # The wind: at knots, as strong as this, and changing by so much from one to the next.
 KNOT_S, WIND_M_S, WIND_STEP_M_S = 20.0, 8.0, 1.0
 # Windows; the least noise of their forces: that of a vibrating accelerometer.
-LEAST_NOISE_M_S2 = 0.05
+MIN_NOISE_M_S2 = 0.05
 MEDIAN_OF_TWO = 1.1774  # of the length of two unit normals
 ROUNDS, SETTLED = 30, 1e-5
 
@@ -83,7 +83,7 @@ def fitted_drag(rows: DragRows, *, is_whole_speed: bool) -> DragFit:
         predicted, J, _ = _model(rows, hats, x, is_whole_speed)
         r = rows.f_b - predicted
         length = np.linalg.norm(r, axis=1)
-        noise = max(float(np.median(length)) / MEDIAN_OF_TWO, LEAST_NOISE_M_S2)
+        noise = max(float(np.median(length)) / MEDIAN_OF_TWO, MIN_NOISE_M_S2)
         weight = robust(length, noise, 1.0)
         w = (weight / noise**2)[:, None, None]
         flat, weighted = J.reshape(-1, len(x)), (J * w).reshape(-1, len(x))

@@ -45,7 +45,7 @@ _ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 OFFSET_UT, SCALE, SOFT, MOTOR_UT = 100.0, 0.05, 0.03, 20.0
 # Delay of a field, for compasses read 10 to 100 times a second and smoothed.
 LATE_S = 0.03
-LEAST_SIGMA_RAD = math.radians(0.3)
+MIN_SIGMA_RAD = math.radians(0.3)
 # Of the World Magnetic Model 2025, level and down: the model, the crust, the ionosphere.
 EARTH_UT = 0.15
 # An accelerometer's offset of 5 mg.
@@ -54,7 +54,7 @@ LEAN_RAD = math.radians(0.3)
 STRAY_SIGMAS = np.array((LATE_S, LEAN_RAD, LEAN_RAD, EARTH_UT, EARTH_UT))
 EARTH, ALL_BUT_DELAY = slice(-2, None), slice(-4, None)
 # The noise of the best compass, and of the vertical: 0.1 uT; 0.2 deg of 45 uT.
-LEAST_NOISE_UT = 0.2
+MIN_NOISE_UT = 0.2
 # One direction of the field in the body counts at most for this long.
 FULL_ROWS, DIRECTIONS = 50, 4.0
 
@@ -140,7 +140,7 @@ def fitted(
         lever: (N,) of the motors; 0 without.
         strays: whether earth's field and lean are fitted, too.
     """
-    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_rad, LEAST_SIGMA_RAD)
+    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_rad, MIN_SIGMA_RAD)
     scale = max(float(np.abs(lever).max(initial=0.0)), 1e-9)
     sigma = np.concatenate(
         (np.full(3, OFFSET_UT), np.full(3, SCALE), np.full(3, SOFT), np.full(3, MOTOR_UT / scale))
@@ -161,7 +161,7 @@ def fitted(
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
         r, J = _linear(rows, x, heading, knots, lever, places)
         length = np.linalg.norm(r, axis=1)
-        noise_ut = max(noise_of(length, balance), LEAST_NOISE_UT)
+        noise_ut = max(noise_of(length, balance), MIN_NOISE_UT)
         fits = robust(length, noise_ut, start)
         A, g = normal(J, (balance * fits / noise_ut**2)[:, None, None], r)
         A += information

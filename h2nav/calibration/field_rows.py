@@ -14,7 +14,7 @@ from h2nav.reviews.inertial import Mask, conjugate, means, rotate, thinned
 from h2nav.wire.imu import UT_PER_MGAUSS
 
 ROW_S = 0.2
-MOST_ROWS = 1500
+MAX_ROWS = 1500
 # In a quick turn a field that is 20 ms late is 1 deg off.
 FASTEST_RAD_S = 60.0 * DEG
 SLOPE_S = 0.05
@@ -45,7 +45,7 @@ def field_rows(
     keep &= attitude.near(attitude.sigma_tilt_rad, at_s) < SURE_TILT_RAD
     keep &= evidence.flying(at_s)
     places = np.flatnonzero(keep)
-    places = places[thinned(len(places), MOST_ROWS)]
+    places = places[thinned(len(places), MAX_ROWS)]
     if len(places) < MIN_FIELD_ROWS:
         return None
     at_s, q = at_s[places], q[places]

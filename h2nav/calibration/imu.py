@@ -31,7 +31,7 @@ from h2nav.recordings.context import ImuTrack
 from h2nav.reviews.inertial import Mask
 from h2nav.reviews.sensor_bias import gyro_bias, measuring
 
-FEWEST_WINDOWS = 40
+MIN_WINDOWS = 40
 # Significant: so many deviations. Relevant: what 30 K do to the zero of an MPU-6000 (10 mg) and to
 # its sensitivity; to that of a gyro, 0.01 deg/s/K.
 SURE = 5.0
@@ -48,7 +48,7 @@ LEAN_M_S2, OWN_SHARE = 0.025, 0.1
 # A larger offset means a broken sensor; firmwares reject it.
 BROKEN_M_S2, UNFIT = 3.5, 0.4
 # In-run instability of such a gyro.
-NOISE_RAD_S, FEWEST_BIASES = 0.02 * DEG, 8
+NOISE_RAD_S, MIN_BIASES = 0.02 * DEG, 8
 
 
 class Tracks(NamedTuple):
@@ -125,7 +125,7 @@ def _motion(tracks: Tracks, settings: SensorSettings) -> MotionRows | None:
     if not found:
         return None
     rows = combined(found).rows
-    return rows if (rows.share[:, 0] > 0.0).sum() >= FEWEST_WINDOWS else None
+    return rows if (rows.share[:, 0] > 0.0).sum() >= MIN_WINDOWS else None
 
 
 def _significant(rows: MotionRows, full: MotionFit) -> tuple[Mask, list[str]]:
@@ -259,7 +259,7 @@ def calibrate_gyro(tracks: Tracks) -> Outcome:
     own = Outcome(name, settings.device)
     found = [_turned(number, *pair) for number, pair in enumerate(tracks.pairs)]
     rows = together(found)
-    if len(rows.t_s) < FEWEST_BIASES:
+    if len(rows.t_s) < MIN_BIASES:
         return own._replace(left=("too little flight time with a certain attitude",))
     mean, sigma, weight = _mean(rows)
     halves = [_mean(half) for half in halves_of(rows)]

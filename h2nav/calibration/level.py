@@ -36,9 +36,9 @@ MIN_THRUST_ROWS = 40
 # level; multirotors 0.2 to 0.5 /s; a wind of 5 m/s.
 SIGMAS = np.array((6.0 * DEG, 6.0 * DEG, 0.4, 2.0, 2.0))
 COUNT = len(SIGMAS)
-LEAST_NOISE_M_S2 = 0.05
+MIN_NOISE_M_S2 = 0.05
 # If the wind changes while the vehicle turns, 0.25 m/s count as tilt, with a drag of 0.2 /s.
-LEAST_SIGMA_RAD = 0.3 * DEG
+MIN_SIGMA_RAD = 0.3 * DEG
 # One degree is a drift of 0.17 m/s^2 in a hover by attitude alone; halves that differ by more show
 # something else.
 RELEVANT_RAD, SURE = 1.0 * DEG, 4.0
@@ -156,7 +156,7 @@ def _tilt(rows: _Rows, offset_m_s2: float) -> tuple[Array, Array]:
     flat = np.ones(len(rows.t_s))
     for _ in range(LAST_ROUNDS):
         r = rows.force - rows.J @ x
-        noise = max(noise_of(np.linalg.norm(r, axis=1), flat), LEAST_NOISE_M_S2)
+        noise = max(noise_of(np.linalg.norm(r, axis=1), flat), MIN_NOISE_M_S2)
         weight = robust(np.linalg.norm(r, axis=1), noise, 1.0)
         weighted = rows.J * (weight / noise**2)[:, None, None]
         A = np.einsum("nij,nik->jk", weighted, rows.J)
@@ -165,4 +165,4 @@ def _tilt(rows: _Rows, offset_m_s2: float) -> tuple[Array, Array]:
     sigma = np.sqrt(np.diag(np.linalg.inv(A / inflated + information)))[:2]
     angles = np.arctan(x[:2])
     angles[1] = math.atan(x[1] * math.cos(angles[0]))
-    return angles, np.hypot(np.hypot(sigma, LEAST_SIGMA_RAD), offset_m_s2 / GRAVITY_M_S2)
+    return angles, np.hypot(np.hypot(sigma, MIN_SIGMA_RAD), offset_m_s2 / GRAVITY_M_S2)

@@ -32,9 +32,9 @@ COUNT = 10
 # MPU-6000: zero-g output 50 to 80 mg, sensitivity 3 %. Receivers differ by 0.1 s, and antennas sit
 # within an arm's length.
 SIGMAS = np.repeat((0.6, 0.03, 0.1, 0.3), (3, 3, 1, 3))
-LEAST_SIGMA_RAD = 0.1 * DEG
+MIN_SIGMA_RAD = 0.1 * DEG
 # The noise of the best receivers between two fixes, and of a vehicle that rests.
-LEAST_NOISE_M_S, REST_M_S = 0.02, 0.05
+MIN_NOISE_M_S, REST_M_S = 0.02, 0.05
 # A value must not rest on a single one of so many parts of the flights.
 PARTS = 16
 
@@ -66,8 +66,8 @@ def fitted(rows: MotionRows, free: Mask) -> MotionFit:
         rows: at least one between fixes.
         free: (10,) the values to fit; the others are 0.
     """
-    tilt = Wander.of(rows.flight, rows.t_s, rows.sigma_tilt, LEAST_SIGMA_RAD)
-    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_heading, LEAST_SIGMA_RAD)
+    tilt = Wander.of(rows.flight, rows.t_s, rows.sigma_tilt, MIN_SIGMA_RAD)
+    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_heading, MIN_SIGMA_RAD)
     places = np.flatnonzero(free)
     J = _rows(rows, (tilt, tilt, heading), places)
     y = rows.share * rows.apart
@@ -81,7 +81,7 @@ def fitted(rows: MotionRows, free: Mask) -> MotionFit:
         r = y - J @ x
         length = np.linalg.norm(r, axis=1)
         if moves.any():  # not in a part of a flight at rest
-            noise[moves] = max(noise_of(length[moves], np.ones(moves.sum())), LEAST_NOISE_M_S)
+            noise[moves] = max(noise_of(length[moves], np.ones(moves.sum())), MIN_NOISE_M_S)
         weight = robust(length, noise, start)
         A, g = normal(J, (weight / noise**2)[:, None, None], y)
         before, x = x, np.linalg.solve(A + prior, g)

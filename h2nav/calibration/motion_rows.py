@@ -31,7 +31,7 @@ from h2nav.reviews.standstill import REST_WINDOW_S, rest_of
 
 MOTION_WINDOW_S = 1.0
 LONGEST = 3.0
-MOST_ROWS = 1500
+MAX_ROWS = 1500
 MIN_FIXES = 20
 # The delay that autopilots assume, for a receiver whose delay no turn shows.
 USUAL_LAG_S = 0.15
@@ -97,7 +97,7 @@ def motion_of(
         good &= np.isfinite(column.reshape(len(good), -1).sum(axis=1))
     order = np.flatnonzero(good)
     order = order[np.argsort(rows.t_s[order], kind="stable")]
-    order = order[thinned(len(order), MOST_ROWS)]
+    order = order[thinned(len(order), MAX_ROWS)]
     kept = part_of(rows, order)
     return Motion(kept._replace(flight=np.full(len(order), flight)), lag_s, not math.isnan(found_s))
 

@@ -19,9 +19,9 @@ FIXED, THROTTLE, ESC = 0.0, 1.0, 3.0
 # Lines of several flights or gyros within this share are the same line.
 ALIKE = 0.1
 LOWEST_HZ, HIGHEST_HZ = 20.0, 400.0
-LEAST_THROTTLE, MOST_THROTTLE = 0.1, 0.9
-LEAST_WIDTH_HZ = 20.0
-MOST_LINES = 2
+MIN_THROTTLE, MAX_THROTTLE = 0.1, 0.9
+MIN_WIDTH_HZ = 20.0
+MAX_LINES = 2
 
 
 def calibrate_notch(flights: Sequence[Evidence]) -> Outcome:
@@ -108,21 +108,21 @@ def _ardupilot(flights: Sequence[Evidence], line: Line) -> dict[str, float] | st
         for flight in flights
         if (each := flight.context.throttle) is not None
     ]
-    turning = np.concatenate([each[each > LEAST_THROTTLE] for each in throttle] or [np.zeros(0)])
+    turning = np.concatenate([each[each > MIN_THROTTLE] for each in throttle] or [np.zeros(0)])
     middle = float(np.median(turning)) if len(turning) else 0.0
-    if not LEAST_THROTTLE < middle < MOST_THROTTLE:
+    if not MIN_THROTTLE < middle < MAX_THROTTLE:
         return "no usable throttle to follow"
     return values | {"INS_HNTCH_MODE": THROTTLE, "INS_HNTCH_REF": round(middle, 3)}
 
 
 def _px4(flights: Sequence[Evidence], line: Line) -> dict[str, float] | str:
     own = flights[-1].parameters
-    if own.get("IMU_GYRO_DNF_EN") or any(own.get(f"IMU_GYRO_NF{i}_FRQ") for i in range(MOST_LINES)):
+    if own.get("IMU_GYRO_DNF_EN") or any(own.get(f"IMU_GYRO_NF{i}_FRQ") for i in range(MAX_LINES)):
         return "a notch is in use: check it first"
     if _has_speeds(flights) and "IMU_GYRO_DNF_EN" in own:
         return {"IMU_GYRO_DNF_EN": 1.0}
     values: dict[str, float] = {}
-    for place, number in enumerate(line.harmonics[:MOST_LINES]):
+    for place, number in enumerate(line.harmonics[:MAX_LINES]):
         values[f"IMU_GYRO_NF{place}_FRQ"] = round(number * line.base_hz)
-        values[f"IMU_GYRO_NF{place}_BW"] = round(max(LEAST_WIDTH_HZ, 2.0 * line.width_hz))
+        values[f"IMU_GYRO_NF{place}_BW"] = round(max(MIN_WIDTH_HZ, 2.0 * line.width_hz))
     return values if set(values) <= set(own) else "its firmware's notches are not known"

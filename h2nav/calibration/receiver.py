@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.calibration.evidence import PX4, Evidence
-from h2nav.calibration.imu import FEWEST_WINDOWS, UNFIT, Tracks
+from h2nav.calibration.imu import MIN_WINDOWS, UNFIT, Tracks
 from h2nav.calibration.motion_fit import ARM, COUNT, LAG, MotionFit, fitted
 from h2nav.calibration.motion_rows import Motion, combined, motion_of
 from h2nav.calibration.outcome import Outcome, ParameterChange
@@ -79,7 +79,7 @@ def calibrate_receiver(tracks: Tracks, receiver: int) -> Outcome:
         if gps.receiver == receiver
         and (motion := motion_of(evidence, track, gps, np.eye(3), number)) is not None
     ]
-    if not found or sum((one.rows.share[:, 0] > 0.0).sum() for one in found) < FEWEST_WINDOWS:
+    if not found or sum((one.rows.share[:, 0] > 0.0).sum() for one in found) < MIN_WINDOWS:
         return own._replace(left=("too little flight time with its velocity",))
     motion = combined(found)
     every = np.ones(COUNT, dtype=bool)

@@ -19,7 +19,7 @@ from h2nav.errors import BadInput
 from h2nav.recordings.context import Series
 from h2nav.reviews.inertial import thinned
 
-MOST_WIND = 500
+MAX_WIND = 500
 COMPENSATION = {PX4: "CAL_MAG_COMP_TYP"}
 ARDUPILOT_COMPENSATION = "COMPASS_MOTCT"
 
@@ -81,7 +81,7 @@ def _change(change: ParameterChange) -> dict[str, Any]:
 
 def _wind(track: Series) -> dict[str, list[float]]:
     """Velocity of the air over time, thinned."""
-    place = thinned(len(track.t_s), MOST_WIND)
+    place = thinned(len(track.t_s), MAX_WIND)
     return {
         "t_s": np.round(track.t_s[place], 2).tolist(),
         "north_m_s": np.round(track.values[place, 0], 2).tolist(),

@@ -27,15 +27,15 @@ FILE_WIRE_BYTES = 266
 # Silence after which an answer is lost.
 ANSWER_NS = SECOND_NS
 WINDOW_QUIET_NS = 7 * SECOND_NS // 10
-MOST_LOST = 3
+MAX_LOST = 3
 LIST_AGAIN_NS = 2 * SECOND_NS
 # Somebody else fetches until nothing was seen of it for this long.
 OTHERS_NS = 30 * SECOND_NS
 STRAYS = 3
 # A gap of fewer packets is read, not streamed: a burst would bring what is there already.
 FEW_PACKETS = 4
-MOST_LOGS = 4096
-MOST_ENTRIES = 4096
+MAX_LOGS = 4096
+MAX_ENTRIES = 4096
 LARGEST_LOG_BYTES = 1 << 31
 FOLDER = "/APM/LOGS"
 SUFFIX = ".BIN"
@@ -232,7 +232,7 @@ class LogFetch:
             return False
         if self._asked_ns is not None:
             self._lost += 1
-            if self._lost >= MOST_LOST and not self._path:
+            if self._lost >= MAX_LOST and not self._path:
                 self._by_file = False
                 self._enter(FetchState.READING)
                 return False
@@ -253,7 +253,7 @@ class LogFetch:
             self._lost += 1
             if not self._by_file:  # it ignores requests while it believes to be sending
                 before = self.stop()
-            elif self._lost >= MOST_LOST:
+            elif self._lost >= MAX_LOST:
                 self._enter(FetchState.OPENING)
                 return []
             self._window = None
@@ -290,9 +290,9 @@ class LogFetch:
             self._stray(t_ns)
             return
         self._heard_ns = t_ns
-        self._count = min(fields.num_logs, MOST_LOGS)
+        self._count = min(fields.num_logs, MAX_LOGS)
         self._last = fields.last_log_num
-        if fields.num_logs and len(self._list) < MOST_LOGS:
+        if fields.num_logs and len(self._list) < MAX_LOGS:
             self._list[fields.id] = OwnLog(fields.id, fields.size, fields.time_utc)
 
     def _take_log_data(self, t_ns: int, fields: Any) -> None:

@@ -16,8 +16,8 @@ from h2nav.reviews.html import escape, frame
 
 INDEX = "index.html"
 # The limit of what browsers handle well; the tables hold all.
-MOST_LISTED = 10_000
-_MOST_SHOWN = 4
+MAX_LISTED = 10_000
+_MAX_SHOWN = 4
 
 
 class _Cell(NamedTuple):
@@ -35,7 +35,7 @@ def write_index(rows: Sequence[TableRow], store: Store) -> None:
 
 def page(rows: Sequence[TableRow]) -> str:
     """The page as HTML; it loads nothing from elsewhere."""
-    listed = sorted(rows, key=_rank)[:MOST_LISTED]
+    listed = sorted(rows, key=_rank)[:MAX_LISTED]
     above = _above([_address(row) for row in rows])
     heads = "".join(f'<th scope="col">{escape(name)}</th>' for name in _HEADS)
     body = "\n".join(_row(row, above) for row in listed)
@@ -127,9 +127,9 @@ def _findings_cell(row: TableRow) -> str:
     values, findings = row.values, row.findings
     if values["error"]:
         return escape(values["error"])
-    lines = [escape(text) for text in findings[:_MOST_SHOWN]]
-    if len(findings) > _MOST_SHOWN:
-        lines.append(f"and {len(findings) - _MOST_SHOWN} more")
+    lines = [escape(text) for text in findings[:_MAX_SHOWN]]
+    if len(findings) > _MAX_SHOWN:
+        lines.append(f"and {len(findings) - _MAX_SHOWN} more")
     first = escape(values["verdict"] or values["no_estimate"] or "")
     if not lines:
         return first

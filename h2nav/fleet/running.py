@@ -25,7 +25,7 @@ from h2nav.fleet.work import MIB, RESULTS, Limits, Review, Task, do_flight
 # number of flights.
 _AHEAD = 4
 # The scheduler also counts deaths of workers at which a flight was only queued.
-_MOST_TRIES = 10
+_MAX_TRIES = 10
 _CONNECT_S = 10.0
 # Memory of a worker's process beyond the limit of a flight, before its nanny kills it.
 _NANNY_SHARE = 1.1
@@ -161,7 +161,7 @@ def _results(
         task, tries = running.pop(future.key)
         result = _result(future)
         future.release()
-        if result is None and tries < _MOST_TRIES:
+        if result is None and tries < _MAX_TRIES:
             completed.add(submit(task, tries + 1))  # type: ignore[no-untyped-call]
             continue
         yield task, result or {"error": "workers died at every attempt", "transient": True}

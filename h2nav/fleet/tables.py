@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from h2nav.airframes.features import FlightRow, is_unique, named, row_of_document
 from h2nav.airframes.odometer import ComponentChange, odometers
-from h2nav.airframes.trend import MOST_SEARCHED, departures
+from h2nav.airframes.trend import MAX_SEARCHED, departures
 from h2nav.fleet.store import Store
 from h2nav.fleet.work import Task
 from h2nav.integrity.severity import Severity
@@ -203,7 +203,7 @@ def _figures(remembered: Sequence[tuple[Task, FlightRow]]) -> Iterator[dict[str,
     for task, row in remembered:
         own = by_airframe[row.airframe]
         place = bisect_left(own, _since(row), key=_since)
-        past = own[max(place - MOST_SEARCHED, 0) : place]
+        past = own[max(place - MAX_SEARCHED, 0) : place]
         left = {one.name: one for one in departures(past, row)}
         for name, value in sorted(row.features.items()):
             known, one = named(name), left.get(name)

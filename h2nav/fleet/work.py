@@ -29,7 +29,7 @@ from h2nav.fleet.store import Store
 
 RESULTS, REVIEWS, STARTED = "results", "reviews", "started"
 # Other programs may also get a worker killed, but not twice at the same flight.
-_MOST_DEATHS = 2
+_MAX_DEATHS = 2
 MIB = 1 << 20
 _LOOK_S = 0.2
 _COPY_BYTES = 4 * MIB
@@ -87,7 +87,7 @@ def do_flight(task: Task, review: Review, store: Store, limits: Limits) -> dict[
         done: dict[str, Any] = orjson.loads(known)
         return done
     deaths = _deaths(task, store)
-    if deaths >= _MOST_DEATHS:
+    if deaths >= _MAX_DEATHS:
         store.remove(task.mark_name)
         return {"error": "the worker died at this flight, each time", "transient": True}
     store.write(task.mark_name, f"{task.run} {deaths + 1}".encode())

@@ -31,7 +31,7 @@ MARK_SUFFIX = ".started"
 # Of the record; records of another one are not read, and their flights are reviewed again.
 FORMAT = 1
 # A review that ended its process this often is not tried again by itself.
-MOST_ATTEMPTS = 3
+MAX_ATTEMPTS = 3
 LONGEST_STEM = 60
 FILE_MODE = 0o640  # reviews show where a vehicle was
 _OURS = re.compile(r"\d{8}T\d{6}Z_[0-9a-f]{8}_\d{6}")

@@ -19,7 +19,7 @@ from h2nav.integrity.severity import Severity
 
 INDEX = "index.sqlite"
 FORMAT = 1  # of the tables
-MOST_ROWS = 500  # per page
+MAX_ROWS = 500  # per page
 LONGEST_SEARCH = 200
 REVIEWED, WAITING, FAILED, GONE = "reviewed", "waiting", "failed", "recording deleted"
 # A column of the list -> what it is sorted by.
@@ -119,7 +119,7 @@ class FlightIndex:
         where, values = _condition(asked)
         order = "DESC" if asked.descending else "ASC"
         sort = SORTS.get(asked.sort, SORTS["date"])
-        limit = min(max(asked.limit, 1), MOST_ROWS)
+        limit = min(max(asked.limit, 1), MAX_ROWS)
         rows = self._base.execute(
             f"SELECT {', '.join(_COLUMNS)} FROM flights {where} "
             f"ORDER BY {sort} IS NULL, {sort} {order}, id LIMIT ? OFFSET ?",

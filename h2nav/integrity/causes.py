@@ -65,7 +65,7 @@ DECIDED = 1000.0
 SUSPECTED = 100.0
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
-LEAST_SHARE = 1.0 / 9.0
+MIN_SHARE = 1.0 / 9.0
 # A sensor that shows the same as that of another IMU is the cause in one of so many cases: a shock
 # or a change of temperature takes both.
 ACQUITTED = 10.0
@@ -267,7 +267,7 @@ class _Comparison:
             mine = [one for one in variants if one.cause is cause]
             if not mine or share * SUSPECTED < 1.0:
                 continue
-            likeliest, weight = _likeliest(mine), math.sqrt(max(share, LEAST_SHARE))
+            likeliest, weight = _likeliest(mine), math.sqrt(max(share, MIN_SHARE))
             tilt, heading = self._astray(likeliest)
             tilts.append(weight * tilt)
             headings.append(weight * abs(heading))

@@ -26,7 +26,7 @@ SIGMAS = 3.0
 IN_SPACE_RAD = SIGMAS * math.sqrt(2.0) * UNCALIBRATED
 MIN_APART_RAD, MAX_APART_RAD, USUAL_APART_RAD = 20.0 * DEG, 60.0 * DEG, 30.0 * DEG
 # A nearly vertical field shows no heading.
-LEAST_LEVEL = 0.1
+MIN_LEVEL = 0.1
 SMOOTHING_US = 500_000
 STALE_US = 2_000_000
 # Later fields of another compass are those of another attitude.
@@ -34,7 +34,7 @@ SAME_TIME_US = 100_000
 # Fields refer to different times: a few degrees at this rate, tens of degrees in a flip.
 FASTEST_RAD_S = 60.0 * DEG
 # Any difference has to last for two seconds.
-MOST_RATIO = 1.5
+MAX_RATIO = 1.5
 # Two compasses agree within this where a third one differs.
 AGREE = 0.7
 
@@ -164,7 +164,7 @@ class Compasses:
         for number, field in sorted(fields.items()):
             north, east, _ = rotate(level.q_nb, field)
             flat = math.hypot(north, east)
-            if flat > LEAST_LEVEL * math.hypot(*field):
+            if flat > MIN_LEVEL * math.hypot(*field):
                 compass = self._compasses.setdefault(number, _Compass())
                 compass.take(t_us, complex(north, east) / flat, field, (fits or {}).get(number))
                 seen.append(number)
@@ -253,7 +253,7 @@ class Compasses:
         a, b = first.field_b, second.field_b
         cosine = sum(map(operator.mul, a, b)) / (math.hypot(*a) * math.hypot(*b))
         in_space = math.acos(min(max(cosine, -1.0), 1.0)) / IN_SPACE_RAD
-        ratio = min(both.apart_rad / self._limit_rad, in_space, MOST_RATIO)
+        ratio = min(both.apart_rad / self._limit_rad, in_space, MAX_RATIO)
         both.test.take(t_us, ratio)
 
     def _judge_by_velocity(self, t_us: int, fresh: list[int], level: Level) -> None:
@@ -265,7 +265,7 @@ class Compasses:
             off = math.remainder(
                 cmath.phase(compass.heading.direction) - self._earth.declination_rad, math.tau
             )
-            ratio = min(abs(off) / self._limit_rad, MOST_RATIO)
+            ratio = min(abs(off) / self._limit_rad, MAX_RATIO)
             compass.compare(t_us, ratio)
 
     def _decide(self, fresh: list[int]) -> None:

@@ -22,7 +22,7 @@ LEVELS = frozenset({Kind.VIBRATION, Kind.CLIPPING, Kind.CLIPPED_SAMPLES})
 LINGER_S = 10.0
 LEVEL_PAUSE_S = 300.0
 # Per run; further ones are counted but not kept.
-MOST_FINDINGS = 500
+MAX_FINDINGS = 500
 # A finding is reported again when it grows, and periodically for late clients.
 UPDATE_S = 5.0
 REPEAT_S = 60.0
@@ -278,7 +278,7 @@ class Findings:
         if known is not None:
             self._entries[known].extend(t_s, alarm)
             return known
-        if len(self._entries) == MOST_FINDINGS:
+        if len(self._entries) == MAX_FINDINGS:
             self.omitted += 1
             return None
         key = alarm.kind, alarm.sensor

@@ -5,7 +5,7 @@ import math
 # Threshold of the ratio's excess, integrated over time: a ratio of 2 counts after 1 s.
 RAISE_S = 1.0
 # Limit of a ratio: a single absurd value proves nothing.
-MOST_RATIO = 5.0
+MAX_RATIO = 5.0
 CLEAR_RATIO = 0.8
 CLEAR_S = 4.0
 # A raised test without new ratios ends after this.
@@ -34,7 +34,7 @@ class Lasting:
         self._silent_s = 0.0
         if self._excess_s == 0.0 and not self.is_raised:
             self._failed_us = t_us
-        excess_s = self._excess_s + dt_s * (min(ratio, MOST_RATIO) - 1.0)
+        excess_s = self._excess_s + dt_s * (min(ratio, MAX_RATIO) - 1.0)
         self._excess_s = min(max(excess_s, 0.0), RAISE_S)
         self._fine_s = self._fine_s + dt_s if ratio < CLEAR_RATIO else 0.0
         if self._excess_s >= RAISE_S:

@@ -49,7 +49,7 @@ TILT_RAD = 6.0 * DEG
 # Its heading against the compasses: one that passes by the limits above may be wrong by 26 deg.
 HEADING_RAD = 30.0 * DEG
 SPEED_M_S = 1.5
-MOST_IMUS = 3
+MAX_IMUS = 3
 
 
 class Item(StrEnum):
@@ -149,7 +149,7 @@ class Preflight:
             field_is_raw: the field is the sensor's own, not calibrated.
         """
         t_us, w_b, f_b, m_b_ut, _ = sample
-        if 0 <= imu < MOST_IMUS:
+        if 0 <= imu < MAX_IMUS:
             self._imus.setdefault(imu, RestWindows()).take(t_us, w_b, f_b, m_b_ut, field_is_raw)
 
     def on_earth(self, earth: EarthField) -> None:

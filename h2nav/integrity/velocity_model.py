@@ -21,8 +21,8 @@ NOISE_M_S = 0.05
 WANDERS = math.sqrt(0.5)
 # Of a force that turns with the vehicle, where the filter knows no better, m/s^2.
 FORCE_SIGMA_M_S2 = 0.1
-LEAST_TILT_RAD = math.radians(0.2)
-LEAST_HEADING_RAD = math.radians(1.0)
+MIN_TILT_RAD = math.radians(0.2)
+MIN_HEADING_RAD = math.radians(1.0)
 # Unknowns, by their columns: tilt north and east, heading, gyro's bias and scale (three axes each),
 # accelerometer (two axes), latency and half its square, the antenna's place (three axes).
 TILT, HEADING, RATE, SCALE, FORCE, LAG, ANTENNA = 0, 2, 3, 6, 9, 11, 13
@@ -119,8 +119,8 @@ def _sigmas(
 ) -> list[float]:
     """Deviations of the unknowns at the beginning of a window's first row if nothing is wrong."""
     first, errors = row.begun.moment, row.errors
-    tilt = max(first.sigma_tilt_rad / math.sqrt(2.0), LEAST_TILT_RAD)
-    heading = min(max(first.sigma_heading_rad, LEAST_HEADING_RAD), math.pi)
+    tilt = max(first.sigma_tilt_rad / math.sqrt(2.0), MIN_TILT_RAD)
+    heading = min(max(first.sigma_heading_rad, MIN_HEADING_RAD), math.pi)
     # The rate noise turns an attitude like a bias of this size, as seen by the velocity.
     by_noise = 4.0 * rate_density / (3.0 * length_s)
     of_rate = by_noise + RATE_SIGMA_RAD_S**2

@@ -20,14 +20,14 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 LENGTHS_S = (1.0, 3.0, 10.0)
 LONG_S = LENGTHS_S[-1]
 # A window is evaluated from this share of its length on.
-LEAST_SHARE = 0.8
+MIN_SHARE = 0.8
 SPACING_US = 180_000
 # Without a newer fix the velocity is unknown.
 STALE_US = 3_000_000
 # Standard deviations at which a test fails.
 GATE = 3.0
 # Best accuracy of a good receiver, m/s.
-LEAST_SIGMA_M_S = 0.15
+MIN_SIGMA_M_S = 0.15
 # Receivers are late by up to 0.5 s and do not say so, and their antenna is up to 1 m away from the
 # autopilot along any axis.
 DELAY_SIGMA_S = 0.2
@@ -118,7 +118,7 @@ class VelocityWindows:
         if last is not None and moment.t_us - last.moment.t_us < SPACING_US:
             return False
         accel_n = (0.0, 0.0) if last is None else _acceleration(last.moment, moment)
-        sigma_m_s = max(fix.sigma_m_s, LEAST_SIGMA_M_S)
+        sigma_m_s = max(fix.sigma_m_s, MIN_SIGMA_M_S)
         v_n = (fix.v_n[0], fix.v_n[1])
         self._marks.append(Mark(moment, v_n, sigma_m_s, accel_n, swept(moment)))
         while self._marks[0].moment.t_us < moment.t_us - 1.1e6 * LONG_S:
@@ -137,7 +137,7 @@ class VelocityWindows:
         # A shorter tuple sorts before all that begin like it.
         mark = self._marks[bisect_left(self._marks, ((newest_us - 1.05e6 * length_s,),))]
         age_s = (newest_us - mark.moment.t_us) * 1e-6
-        return mark if age_s >= LEAST_SHARE * length_s else None
+        return mark if age_s >= MIN_SHARE * length_s else None
 
     def window(self, length_s: float) -> Window | None:
         """Compares over a window that ends now; None if the marks do not reach back that far."""

@@ -20,7 +20,7 @@ LONGEST_WINDOW_US = 4_000_000
 WINDOWS = 15
 # Attitudes and their errors change: older evidence says nothing about the present.
 EVIDENCE_US = 30_000_000
-LEAST_WINDOWS = 2
+MIN_WINDOWS = 2
 LONGEST_STEP_US = 200_000
 # An older difference says nothing about the present.
 STALE_US = 500_000
@@ -28,7 +28,7 @@ STALE_US = 500_000
 SMOOTHING_S = 0.1
 # Deviation of a change of velocity: a receiver is hardly better. If the residual of the fit exceeds
 # the larger one, force and velocity contradict each other whatever the attitude.
-LEAST_SIGMA_M_S = 0.1
+MIN_SIGMA_M_S = 0.1
 WORST_SIGMA_M_S = 1.0
 FIRST_SIGMA_M_S = 0.3
 FITS = 3
@@ -199,7 +199,7 @@ class _Fit(NamedTuple):
 
 
 def _verdicts(windows: deque[_Window]) -> Verdicts:
-    if len(windows) < LEAST_WINDOWS:
+    if len(windows) < MIN_WINDOWS:
         return Verdicts()
     rows = [
         ((window.by_tilt[i], window.by_heading[i], window.by_latency[i]), window.missing[i])
@@ -245,7 +245,7 @@ def _fit(rows: list[tuple[Vec3, float]], sigma_m_s: float) -> _Fit:
     left = sum(
         (missing - x * causes[0] - y * causes[1] - z * causes[2]) ** 2 for causes, missing in rows
     )
-    sigma_m_s = max(math.sqrt(left / len(rows)), LEAST_SIGMA_M_S)
+    sigma_m_s = max(math.sqrt(left / len(rows)), MIN_SIGMA_M_S)
     return _Fit((x, y, z), (xx / det, yy / det, zz / det), sigma_m_s)
 
 

@@ -19,7 +19,7 @@ CLOCK_WRAP_US = (1 << 32) * 1000
 PAST_US = 1_000_000
 # Attitudes are interpolated over at most this time.
 LONGEST_GAP_US = 100_000
-MOST_WAITING = 8
+MAX_WAITING = 8
 COMPARED_WITH = int(Trust.ALIGNED | Trust.CONVERGED)
 BEYOND = 3.0  # deviations
 # Difference of two attitudes that may both be right.
@@ -205,7 +205,7 @@ class Witness:
     def restart(self) -> None:
         """Restarts for another autopilot, or another clock."""
         self._past: deque[AttitudeEstimate] = deque()
-        self._waiting: deque[tuple[AttitudeSource, int, Quat]] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[tuple[AttitudeSource, int, Quat]] = deque(maxlen=MAX_WAITING)
         self._integrated = Integrated()
         self._reporters = {source: _Reporter(source, self._integrated) for source in AttitudeSource}
         self._latest: Comparison | None = None

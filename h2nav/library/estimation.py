@@ -32,7 +32,7 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Frame = Literal["ned", "enu"]
 
-LEAST_RATE_HZ, MOST_RATE_HZ = 5.0, 2000.0
+MIN_RATE_HZ, MAX_RATE_HZ = 5.0, 2000.0
 
 
 class Velocity(NamedTuple):
@@ -90,8 +90,8 @@ class AttitudeFilter:
     """
 
     def __init__(self, rate_hz: float, vehicle: str = "handheld", frame: Frame = "ned") -> None:
-        if not LEAST_RATE_HZ <= rate_hz <= MOST_RATE_HZ:
-            limits = f"{LEAST_RATE_HZ:g} to {MOST_RATE_HZ:g} Hz"
+        if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
+            limits = f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz"
             raise BadInput(f"rate_hz: expected {limits}, found {rate_hz}")
         if vehicle not in VEHICLE_CLASSES:
             known = ", ".join(VEHICLE_CLASSES)

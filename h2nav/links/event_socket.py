@@ -13,9 +13,9 @@ from pathlib import Path
 
 from h2nav.errors import BadInput
 
-MOST_CLIENTS = 8
+MAX_CLIENTS = 8
 # Queued per client; minutes of events.
-MOST_WAITING_BYTES = 256 * 1024
+MAX_WAITING_BYTES = 256 * 1024
 # Owner and group; the permissions of the folder decide who else has access.
 MODE = 0o660
 
@@ -40,7 +40,7 @@ class _Client:
             self.is_gone = True
             return
         self._waiting = data[sent:]
-        self.is_gone = len(self._waiting) > MOST_WAITING_BYTES
+        self.is_gone = len(self._waiting) > MAX_WAITING_BYTES
 
     def close(self) -> None:
         self._end.close()
@@ -77,7 +77,7 @@ class EventSocket:
                 end, _ = self._server.accept()
             except OSError:  # no client waits, or no descriptor is left
                 break
-            if len(self._clients) == MOST_CLIENTS:
+            if len(self._clients) == MAX_CLIENTS:
                 end.close()
                 continue
             client = _Client(end)
@@ -115,7 +115,7 @@ def _listening(path: Path) -> socket.socket:
         _remove_dead(path)
         server.bind(os.fspath(path))
         path.chmod(MODE)
-        server.listen(MOST_CLIENTS)
+        server.listen(MAX_CLIENTS)
     except OSError as error:
         server.close()
         reason = error.strerror or error

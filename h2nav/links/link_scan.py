@@ -33,7 +33,7 @@ TURN_S = 0.05
 NS = 1_000_000_000
 COMPONENT_ID = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 # By chance, a frame of a known id with a matching 16-bit checksum is rare, but noise is long.
-LEAST_FRAMES = 2
+MIN_FRAMES = 2
 
 Address = tuple[int, int]
 
@@ -217,7 +217,7 @@ class _Ear:
                 self._heartbeats[sender] = heard
         elif frame.msg_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             self._firmware[sender] = vehicle.firmware(decode(frame))
-        if self._heard_ns is None and (self._heartbeats or self._frames >= LEAST_FRAMES):
+        if self._heard_ns is None and (self._heartbeats or self._frames >= MIN_FRAMES):
             self._heard_ns = now_ns
 
     def _ask(self, now_ns: int) -> None:

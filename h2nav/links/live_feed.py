@@ -22,9 +22,9 @@ STATUS_TOPIC = "/status"
 FAST_TOPICS = frozenset({"/imu", "/estimate", "/twist", "/odometry", "/wheels", "/pose_measured"})
 PAUSE_NS = 100_000_000
 # Limit per turn; working off a backlog yields more than can be displayed.
-MOST_ENTRIES = 512
+MAX_ENTRIES = 512
 BUFFER_BYTES = 512 * 1024
-MOST_WORDS = 16
+MAX_WORDS = 16
 LONGEST_WORD_BYTES = 2048
 LONGEST_TROUBLE = 200
 
@@ -137,7 +137,7 @@ class LiveFeed:
             if 0 < self._due_ns[topic] - unix_ns <= PAUSE_NS:
                 return
             self._due_ns[topic] = unix_ns + PAUSE_NS
-        if len(self._entries) == MOST_ENTRIES:
+        if len(self._entries) == MAX_ENTRIES:
             self.dropped += 1
             return
         published = unix_ns if publish_ns is None else publish_ns
@@ -161,7 +161,7 @@ class LiveFeed:
         """
         if self._socket is None:
             return
-        for _ in range(MOST_WORDS):
+        for _ in range(MAX_WORDS):
             try:
                 data = self._socket.recv(LONGEST_WORD_BYTES)
             except BlockingIOError:

@@ -36,7 +36,7 @@ SEND_BUFFER_BYTES = 256 * 1024
 BLOCK_BYTES = 64 * 1024
 # Time for an upload, and space on the disk that it leaves.
 UPLOAD_S = 1800.0
-LEAST_FREE_BYTES = 256 * MIB
+MIN_FREE_BYTES = 256 * MIB
 # A review is a document of its own: its scripts are in it, and it can ask this server for nothing.
 REVIEW_POLICY = (
     "sandbox allow-scripts allow-downloads allow-popups; default-src 'none'; "
@@ -287,7 +287,7 @@ class FlightUpload(_OfFlights):
         folder = site.folder.root / UPLOADS
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            if shutil.disk_usage(folder).free - self._left < LEAST_FREE_BYTES:
+            if shutil.disk_usage(folder).free - self._left < MIN_FREE_BYTES:
                 raise HTTPError(507, reason="no room on the disk")
             for part in folder.glob(".*.part"):  # of a server that was killed
                 if time.time() - part.stat().st_mtime > UPLOAD_S:

@@ -11,12 +11,12 @@ from typing import cast
 
 from h2nav.errors import BadInput
 
-MOST_CONNECTIONS = 32
+MAX_CONNECTIONS = 32
 WAITING = 32
 # Time for the server's first answer; it answers every client that speaks the protocol.
 PATIENCE_S = 5.0
 # Clients subscribe and request parameters, which takes a few kilobytes.
-MOST_SAID_BYTES = 256 * 1024
+MAX_SAID_BYTES = 256 * 1024
 SAID_WITHIN_S = 10.0
 BEHIND = "127.0.0.1"
 
@@ -63,7 +63,7 @@ class Guard:
 
     def admits(self, client: "_Client") -> bool:
         """Whether there is room for one more client, which is then connected."""
-        if len(self._clients) >= MOST_CONNECTIONS:
+        if len(self._clients) >= MAX_CONNECTIONS:
             return False
         self._clients.add(client)
         task = asyncio.get_running_loop().create_task(self._connect(client))
@@ -139,7 +139,7 @@ class _Client(_Leg):
 
     def data_received(self, data: bytes) -> None:
         self._said += len(data)
-        if self._said > MOST_SAID_BYTES:
+        if self._said > MAX_SAID_BYTES:
             self.hang_up()
         else:
             super().data_received(data)

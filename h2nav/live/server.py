@@ -24,10 +24,10 @@ from h2nav.live.handlers import PATIENCE_S, PageHandler, Shared, is_loopback
 from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState
 
-MOST_CONNECTIONS = 64
-MOST_VIEWERS = 16
-MOST_HEADER_BYTES = 8192
-MOST_BODY_BYTES = 1024
+MAX_CONNECTIONS = 64
+MAX_VIEWERS = 16
+MAX_HEADER_BYTES = 8192
+MAX_BODY_BYTES = 1024
 # Events queued for a slow viewer become stale: the queue is short.
 SEND_BUFFER_BYTES = 4096
 WAITING = 32
@@ -85,10 +85,10 @@ class PageServer:
         )
         self._server = _LimitedServer(
             application,
-            max_header_size=MOST_HEADER_BYTES,
-            max_body_size=MOST_BODY_BYTES,
-            max_buffer_size=MOST_HEADER_BYTES + MOST_BODY_BYTES,
-            chunk_size=MOST_HEADER_BYTES,
+            max_header_size=MAX_HEADER_BYTES,
+            max_body_size=MAX_BODY_BYTES,
+            max_buffer_size=MAX_HEADER_BYTES + MAX_BODY_BYTES,
+            chunk_size=MAX_HEADER_BYTES,
             idle_connection_timeout=PATIENCE_S,
             body_timeout=PATIENCE_S,
         )
@@ -113,7 +113,7 @@ class _LimitedServer(HTTPServer):
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
         self._streams = {each for each in self._streams if not each.closed()}
-        if len(self._streams) >= MOST_CONNECTIONS:
+        if len(self._streams) >= MAX_CONNECTIONS:
             stream.close()
             return
         self._streams.add(stream)
@@ -167,7 +167,7 @@ class _Events(PageHandler):
         broadcast = self.shared.broadcast
         if broadcast is None:
             raise HTTPError(404)
-        if broadcast.viewers >= MOST_VIEWERS:
+        if broadcast.viewers >= MAX_VIEWERS:
             raise HTTPError(503)
         self.set_header("Content-Type", "text/event-stream")
         self.set_header("X-Accel-Buffering", "no")

@@ -16,12 +16,12 @@ from h2nav.service.records import EstimateRecord, FindingRecord
 
 Record = tuple[Any, ...]
 
-MOST_FINDINGS = 50
-MOST_TEXTS = 50
+MAX_FINDINGS = 50
+MAX_TEXTS = 50
 # Topics with several current records, and the field that distinguishes them.
 KEYS = {"/comparison": "source", "/lanes": "imu", "/rejected": "reason", "/aiding": "kind"}
 # The service limits what an autopilot can cause; this bounds errors of the program itself.
-MOST_CURRENT = 256
+MAX_CURRENT = 256
 COUNTING = ("/health", "/link", "/feed", "/recorder")
 COUNTED_OVER_NS = 800_000_000
 NS = 1e-9
@@ -85,8 +85,8 @@ class LiveState:
         self._current: dict[tuple[str, Any], Seen] = {}
         self._counters = {topic: _Counters() for topic in COUNTING}
         self._trusted_ns: dict[Trust, int] = {}
-        self._findings: deque[LiveReport] = deque(maxlen=MOST_FINDINGS)
-        self._texts: deque[LiveText] = deque(maxlen=MOST_TEXTS)
+        self._findings: deque[LiveReport] = deque(maxlen=MAX_FINDINGS)
+        self._texts: deque[LiveText] = deque(maxlen=MAX_TEXTS)
         self.findings_begun = 0
         self.track = LiveTrack()
 
@@ -102,7 +102,7 @@ class LiveState:
             self._take_finding(now_ns, record)
             return
         key = (topic, getattr(record, KEYS[topic]) if topic in KEYS else None)
-        if key in self._current or len(self._current) < MOST_CURRENT:
+        if key in self._current or len(self._current) < MAX_CURRENT:
             self._current[key] = Seen(now_ns, record)
         if topic in self._counters:
             self._counters[topic].take(unix_ns, record)

@@ -19,8 +19,8 @@ from h2nav.live.state import LiveState
 
 NICER = 10  # than the daemon
 # Clients can make the servers hold connections and frames; only this process may suffer from it.
-MOST_FILES = 512
-MOST_MEMORY_BYTES = 256 * 1024 * 1024
+MAX_FILES = 512
+MAX_MEMORY_BYTES = 256 * 1024 * 1024
 
 
 def view(end: socket.socket) -> int:
@@ -34,7 +34,7 @@ def view(end: socket.socket) -> int:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon handles it, then closes its end
     yield_to_others(
-        NICER, {resource.RLIMIT_NOFILE: MOST_FILES, resource.RLIMIT_DATA: MOST_MEMORY_BYTES}
+        NICER, {resource.RLIMIT_NOFILE: MAX_FILES, resource.RLIMIT_DATA: MAX_MEMORY_BYTES}
     )
     feed = FeedReader(end)
     try:

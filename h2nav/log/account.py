@@ -12,10 +12,10 @@ import orjson
 
 from h2nav.integrity.severity import Severity
 
-MOST_STATES = 1000
-MOST_REASONS = 500
-MOST_FINDINGS = 1000
-MOST_SOURCES = 20
+MAX_STATES = 1000
+MAX_REASONS = 500
+MAX_FINDINGS = 1000
+MAX_SOURCES = 20
 NS_PER_S = 1e9
 
 
@@ -44,7 +44,7 @@ class LoggedDifference(NamedTuple):
 class LogAccount(NamedTuple):
     """The whole summary."""
 
-    states: list[StateSpan]  # in order; at most `MOST_STATES`
+    states: list[StateSpan]  # in order; at most `MAX_STATES`
     refusals: dict[str, int]  # reason -> number of samples or messages
     # the newest ``/finding`` record of each, sorted by beginning; times are seconds since the
     # start of the run, severities are names. ``ended`` says whether the finding was closed
@@ -109,14 +109,14 @@ class Account:
             if (state, cause) == self._cause:
                 return
         self._cause = state, cause
-        if state and len(self._states) < MOST_STATES:
+        if state and len(self._states) < MAX_STATES:
             self._states.append((state, reason, log_ns, log_ns))
 
     def _take_rejection(self, _: int, values: Mapping[str, Any]) -> None:
         reason, total = _text(values.get("reason")), values.get("total")
         if not isinstance(total, int) or isinstance(total, bool):
             return
-        if reason in self._refusals or len(self._refusals) < MOST_REASONS:
+        if reason in self._refusals or len(self._refusals) < MAX_REASONS:
             self._refusals[reason] = max(total, self._refusals.get(reason, 0))
 
     def _take_finding(self, _: int, values: dict[str, Any]) -> None:
@@ -127,7 +127,7 @@ class Account:
         if not key[0]:
             key = _text(values.get("kind")), _text(values.get("source")), repr(from_s)
         known = self._findings.get(key)
-        if known is not None or len(self._findings) < MOST_FINDINGS:
+        if known is not None or len(self._findings) < MAX_FINDINGS:
             severity = Severity.of(values.get("severity"))
             # Logs of findings without an id have one record at the beginning and one at the end.
             toggled = known is not None and not known["ended"]
@@ -143,7 +143,7 @@ class Account:
         tilt, heading = _number(values.get("tilt_deg")), _number(values.get("heading_deg"))
         known = self._differences.get(source)
         if known is None:
-            if len(self._differences) == MOST_SOURCES:
+            if len(self._differences) == MAX_SOURCES:
                 return
             known = (
                 LoggedDifference(source, 0, math.nan, 0.0, "", math.nan, 0.0, ""),

@@ -14,7 +14,7 @@ from h2nav.wire.dialect import LAYOUTS
 # MAV_COMP_ID_AUTOPILOT1: cameras, gimbals and ground stations use the same messages.
 AUTOPILOT_COMPONENT = 1
 # Bounded, so that other vehicles on a link cannot fill the log with channels.
-MOST_SYSTEMS = 4
+MAX_SYSTEMS = 4
 PREFIX = "/autopilot"
 
 COMMON = (
@@ -64,6 +64,6 @@ class AutopilotDecoder:
 
     def _prefix(self, sysid: int) -> str:
         """Prefix of a vehicle's topics; empty beyond the limit of vehicles."""
-        if sysid not in self._prefixes and len(self._prefixes) < MOST_SYSTEMS:
+        if sysid not in self._prefixes and len(self._prefixes) < MAX_SYSTEMS:
             self._prefixes[sysid] = f"{PREFIX}_{sysid}" if self._prefixes else PREFIX
         return self._prefixes.get(sysid, "")

@@ -14,7 +14,7 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 MIB = 1 << 20
 RUN_SHARE = 4  # a run may use this fraction of the space for logs
 RUN_FILES = 4  # split into this many files, so that the oldest can be deleted
-LEAST_RUN_BYTES = 16 * MIB
+MIN_RUN_BYTES = 16 * MIB
 LOG_MODE = 0o640  # logs show where a vehicle was
 
 
@@ -67,7 +67,7 @@ def run_budget(folder: Path, limits: LogLimits) -> int:
         return limits.run_bytes
     taken = sum(_size(path) for path in our_logs(folder))
     room = taken + _free_bytes(folder) - limits.free_bytes
-    return max(min(limits.files * limits.file_bytes, room) // RUN_SHARE, LEAST_RUN_BYTES)
+    return max(min(limits.files * limits.file_bytes, room) // RUN_SHARE, MIN_RUN_BYTES)
 
 
 def trim_run(run: Sequence[Path], present: Path, budget: int) -> list[Path]:

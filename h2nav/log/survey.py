@@ -14,7 +14,7 @@ from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import StoredMessage, message, parse
 
 GAP_NS = 1_000_000_000
-MOST_GAPS = 100
+MAX_GAPS = 100
 NS_PER_S = 1e9
 
 Progress = Callable[[int, int], None]
@@ -49,7 +49,7 @@ class LogSurvey(NamedTuple):
     start_unix_ns: int  # first message; 0 without messages
     duration_s: float  # from the first to the last message
     topics: list[TopicSurvey]  # the channels, by name
-    gaps: list[Gap]  # at most `MOST_GAPS`
+    gaps: list[Gap]  # at most `MAX_GAPS`
     attachments: dict[str, int]  # name -> bytes
     metadata: dict[str, dict[str, str]]  # name -> texts
     damaged_records: int  # runs of bytes without an intact record, including a cut-off end
@@ -72,7 +72,7 @@ class _Tally:
         if self.messages == 0:
             self.first_ns = self.last_ns = stored.log_ns
         gap_ns = stored.log_ns - self.last_ns
-        if gap_ns > GAP_NS and len(self.gaps) < MOST_GAPS:
+        if gap_ns > GAP_NS and len(self.gaps) < MAX_GAPS:
             self.gaps.append((self.last_ns, gap_ns))
         self.longest_gap_ns = max(self.longest_gap_ns, gap_ns)
         self.last_ns = max(self.last_ns, stored.log_ns)
@@ -194,4 +194,4 @@ def _gaps(topics: dict[int, TopicSurvey], tallies: dict[int, _Tally], start_ns: 
         for at_ns, length_ns in tally.gaps
         if topics[number].topic.startswith(RECEIVED_TOPIC)
     ]
-    return sorted(gaps, key=lambda gap: gap.after_s)[:MOST_GAPS]
+    return sorted(gaps, key=lambda gap: gap.after_s)[:MAX_GAPS]

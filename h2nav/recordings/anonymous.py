@@ -23,7 +23,7 @@ DEG_E7 = 1e7
 UNKNOWN_INT = 2**31 - 1
 # Microseconds and nanoseconds of UNIX time, 2001 to 2286; since boot they are less.
 UNIX_US, UNIX_NS = (10**15, 10**16), (10**18, 10**19)
-LEAST_WEEK = 1_000  # of GPS: 1999
+MIN_WEEK = 1_000  # of GPS: 1999
 
 _LATITUDE = re.compile(r"(?:.*_|[A-Za-z]{0,3})?(?:lat|latitude)(?:_.*|\d*)", re.IGNORECASE)
 _LONGITUDE = re.compile(
@@ -122,7 +122,7 @@ class Replacement(NamedTuple):
         back_s = self.weeks * WEEK_S
         moved: Numbers
         if _WEEK.fullmatch(name):
-            moved = np.where(stored >= LEAST_WEEK, stored - self.weeks, stored)
+            moved = np.where(stored >= MIN_WEEK, stored - self.weeks, stored)
             return moved.astype(stored.dtype)
         if stored.dtype.itemsize == 8:
             is_us = (stored >= UNIX_US[0]) & (stored < UNIX_US[1])

@@ -6,9 +6,9 @@ from pathlib import Path
 from h2nav.recordings.anonymous import Coordinates, patterns_of
 
 # Fixes that are searched for; fewer in a large file, so that the search ends within a minute.
-MOST_FIXES, FEWEST_FIXES, SEARCHED_BYTES = 24, 4, 5_000_000_000
+MAX_FIXES, MIN_FIXES, SEARCHED_BYTES = 24, 4, 5_000_000_000
 # Fewer different bytes occur by chance, as 0.0000 does.
-LEAST_DIFFERENT = 4
+MIN_DIFFERENT = 4
 SHORTEST, LONGEST = 6, 128
 BLOCK_BYTES = 1 << 21
 
@@ -26,7 +26,7 @@ def remains(path: Path, fixes: Iterable[Coordinates], names: Iterable[str]) -> l
     """
     chosen = list(dict.fromkeys(fixes))
     most = SEARCHED_BYTES // max(path.stat().st_size, 1)
-    most = min(max(most, FEWEST_FIXES), MOST_FIXES)
+    most = min(max(most, MIN_FIXES), MAX_FIXES)
     chosen = chosen[:: -(-len(chosen) // most) or 1]
     wanted = dict.fromkeys(patterns_of(chosen), "a coordinate")
     for name in names:
@@ -37,7 +37,7 @@ def remains(path: Path, fixes: Iterable[Coordinates], names: Iterable[str]) -> l
     wanted = {
         pattern: what
         for pattern, what in wanted.items()
-        if len(set(pattern)) >= LEAST_DIFFERENT and len(pattern) >= SHORTEST
+        if len(set(pattern)) >= MIN_DIFFERENT and len(pattern) >= SHORTEST
     }
     found, start, before = [], 0, b""
     with path.open("rb") as stream:

@@ -15,7 +15,7 @@ from h2nav.recordings.anonymous import Coordinates
 # Gravity differs by 0.003 m/s^2 over this.
 BAND_DEG = 3.0
 # A latitude this near to the old one would still tell it.
-LEAST_BAND_DEG = 0.3
+MIN_BAND_DEG = 0.3
 FAR_M = 120_000.0
 EARTH_RADIUS_M = 6_371_000.0
 # Differences of the field that count as one: less than the model's own error of 0.4 deg in
@@ -78,7 +78,7 @@ def _is_elsewhere(origin: Coordinates, place: Coordinates) -> bool:
     east_m = EARTH_RADIUS_M * math.radians(apart_deg) * math.cos(math.radians(origin.latitude_deg))
     north_deg = place.latitude_deg - origin.latitude_deg
     far = math.hypot(east_m, EARTH_RADIUS_M * math.radians(north_deg)) >= FAR_M
-    return far and abs(north_deg) >= LEAST_BAND_DEG
+    return far and abs(north_deg) >= MIN_BAND_DEG
 
 
 def _refined(

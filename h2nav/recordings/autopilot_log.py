@@ -64,8 +64,8 @@ ATTITUDE_STEP_US = 50_000
 # Parameters that are counters and change by themselves.
 COUNTERS = "STAT_"
 # Of the receivers, the first ones.
-MOST_RECEIVERS = 2
-MOST_BURSTS = 2_000
+MAX_RECEIVERS = 2
+MAX_BURSTS = 2_000
 FIX_3D = 3
 
 

@@ -24,8 +24,8 @@ from h2nav.recordings import imu_series
 from h2nav.recordings.airframe_identity import ardupilot_board
 from h2nav.recordings.autopilot_log import (
     FIX_3D,
-    MOST_BURSTS,
-    MOST_RECEIVERS,
+    MAX_BURSTS,
+    MAX_RECEIVERS,
     AutopilotLog,
     Recorded,
     Setting,
@@ -54,7 +54,7 @@ from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.rotations import are_units, normalized, quaternions
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
-from h2nav.wire.imu import MOST_IMUS, UT_PER_MGAUSS
+from h2nav.wire.imu import MAX_IMUS, UT_PER_MGAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S, Place
 
 GPS_EPOCH_UNIX_S = 315_964_800.0
@@ -62,13 +62,13 @@ WEEK_S = 604_800.0
 # Since 2017; one more than in 2015, which does not matter to the field model.
 LEAP_S = 18.0
 # A receiver without the date counts from the first weeks.
-LEAST_WEEK = 1_500
+MIN_WEEK = 1_500
 FIX_AGE_US = 1_000_000
 SAME_FIX_US = 100_000
 ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
 # Raw values come in blocks; a gap of more periods begins another.
 BURST_PAUSE = 5.0
-LEAST_BURST = 64
+MIN_BURST = 64
 BURST_KINDS = {0: "accelerometer", 1: "gyro"}
 # Largest interval between an error and its text.
 IN_WORDS_S = 0.5
@@ -277,7 +277,7 @@ def recorded(tables: LogTables) -> Recorded:
 def _imu_rows(log: DataflashRows) -> Iterator[ImuRows]:
     axes = ("GyrX", "GyrY", "GyrZ"), ("AccX", "AccY", "AccZ")
     for rows in log.instances("IMU", *axes[0], *axes[1]):
-        if rows.number < MOST_IMUS:
+        if rows.number < MAX_IMUS:
             samples = Samples(rows.t_us, *(rows.table.numbers(*names) for names in axes))
             good = _healthy(log, rows, f"IMU {rows.number + 1}")
             is_timed = log.times_of(rows.table) is not None
@@ -350,26 +350,26 @@ def _bursts(log: DataflashRows) -> tuple[Burst, ...]:
     ):
         instances = list(log.instances(name, *columns))
         # Before 4.1: GYR1 to GYR3.
-        numbered = (log.find(f"{name}{i + 1}", *columns) for i in range(MOST_IMUS))
+        numbered = (log.find(f"{name}{i + 1}", *columns) for i in range(MAX_IMUS))
         instances += [
             rows._replace(number=i) for i, rows in enumerate(numbered) if rows is not None
         ]
         for rows in instances:
             found += _raw(log, rows, sensor, rows.table.numbers(*columns))
-    return tuple(found[:MOST_BURSTS])
+    return tuple(found[:MAX_BURSTS])
 
 
 def _raw(log: DataflashRows, rows: Rows, sensor: str, values: Array) -> Iterator[Burst]:
     """Bursts of rows without gaps."""
     stamps = rows.table.integers("SampleUS") if "SampleUS" in rows.table else rows.t_us
     steps = np.diff(stamps)
-    if len(steps) < LEAST_BURST or (usual := float(np.median(steps))) <= 0.0:
+    if len(steps) < MIN_BURST or (usual := float(np.median(steps))) <= 0.0:
         return
     ends = np.flatnonzero((steps <= 0) | (steps > BURST_PAUSE * usual)) + 1
     edges = [0, *ends.tolist(), len(stamps)]
     for first, last in pairwise(edges):
         part = values[first:last]
-        if last - first >= LEAST_BURST and np.isfinite(part).all():
+        if last - first >= MIN_BURST and np.isfinite(part).all():
             rate_hz = (last - first - 1) * 1e6 / float(stamps[last - 1] - stamps[first])
             yield Burst(rows.number, sensor, float(rows.t_s[first]), rate_hz, part)
 
@@ -388,7 +388,7 @@ def _batches(log: DataflashRows) -> Iterator[Burst]:
         number, kind, imu, factor, count, rate_hz = row
         first, last = np.searchsorted(numbers, (number, number + 1))
         part = values[first:last].reshape(-1, 3)[: int(count)]
-        if kind in BURST_KINDS and factor and rate_hz > 0.0 and len(part) >= LEAST_BURST:
+        if kind in BURST_KINDS and factor and rate_hz > 0.0 and len(part) >= MIN_BURST:
             yield Burst(int(imu), BURST_KINDS[int(kind)], t_s, rate_hz, part / factor)
 
 
@@ -400,7 +400,7 @@ def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
     accuracies = {rows.number: rows for rows in log.instances("GPA", "SAcc")}
     tracks, stamps, uses = [], {}, {}
     for rows in log.instances("GPS", "Status", "Lat", "Lng", "Alt", "Spd", "GCrs"):
-        if rows.number >= MOST_RECEIVERS:
+        if rows.number >= MAX_RECEIVERS:
             continue
         track, stamp_us = _receiver(rows, accuracies.get(rows.number))
         tracks.append(track)
@@ -459,7 +459,7 @@ def start_unix_s(log: DataflashRows) -> float | None:
         if rows is None:
             continue
         good = rows.table.integers("Status") >= FIX_3D
-        good &= rows.table.integers(week) >= LEAST_WEEK
+        good &= rows.table.integers(week) >= MIN_WEEK
         if good.any():
             weeks, times_ms = rows.table.numbers(week)[good], rows.table.numbers(time_ms)[good]
             unix_s = GPS_EPOCH_UNIX_S + WEEK_S * weeks + 1e-3 * times_ms - LEAP_S

@@ -15,10 +15,10 @@ from h2nav.recordings.context import (
 from h2nav.recordings.dataflash_errors import said_of_error, subsystem_of
 from h2nav.recordings.dataflash_rows import DataflashRows
 
-MOST_OUTPUTS = 16
+MAX_OUTPUTS = 16
 HIGHEST_M = 50_000.0
 # Widths of the ranges in which old logs stored volts without a unit.
-MOST_BOARD_VOLTS = 10.0
+MAX_BOARD_VOLTS = 10.0
 OCCURRENCES = {
     10: "armed",
     11: "disarmed",

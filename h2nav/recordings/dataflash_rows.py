@@ -6,9 +6,9 @@ import numpy as np
 
 from h2nav.recordings.imu_series import Times
 from h2nav.recordings.log_clock import LogClock, is_running
-from h2nav.recordings.log_rows import MOST_INSTANCES, Log, Rows
+from h2nav.recordings.log_rows import MAX_INSTANCES, Log, Rows
 from h2nav.recordings.row_tables import Table
-from h2nav.wire.imu import MOST_IMUS
+from h2nav.wire.imu import MAX_IMUS
 
 # Columns with the number of an instance.
 NUMBER = ("I", "C", "Instance", "Inst", "IMU")
@@ -97,12 +97,12 @@ class DataflashRows(Log):
         number = next((column for column in NUMBER if column in rows.table), None)
         if number is not None:
             numbers = rows.table.integers(number)
-            for value in range(MOST_INSTANCES):
+            for value in range(MAX_INSTANCES):
                 if (numbers == value).any():
                     yield rows.where(numbers == value)._replace(number=value)
             return
         yield rows
-        for count in range(2, MOST_IMUS + 1):
+        for count in range(2, MAX_IMUS + 1):
             more = self.find(f"{name}{count}", *columns)
             if more is not None:
                 yield more._replace(number=count - 1)

@@ -15,7 +15,7 @@ SLACK_US = 5_000_000
 NEIGHBOURS = 2
 # Times of rows without any are taken between rows this far apart.
 ANCHOR_US = 1_000_000
-MOST_AT_ONCE = 10
+MAX_AT_ONCE = 10
 LONGEST_PAUSE_US = 3_600_000_000
 # A week.
 LONGEST_US = 168 * LONGEST_PAUSE_US
@@ -110,7 +110,7 @@ def _anchors(t_us: Times) -> NDArray[np.intp]:
 
 def is_running(t_us: Times) -> bool:
     """Whether the times advance at all: some are never set, some repeat over several rows."""
-    return bool(np.count_nonzero(np.diff(t_us)) * MOST_AT_ONCE >= len(t_us) - 1)
+    return bool(np.count_nonzero(np.diff(t_us)) * MAX_AT_ONCE >= len(t_us) - 1)
 
 
 def in_order(t_us: Times) -> Mask:

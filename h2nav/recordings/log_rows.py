@@ -12,7 +12,7 @@ from h2nav.recordings.log_clock import LogClock, in_order, is_running
 from h2nav.recordings.row_tables import LogTables, Table
 from h2nav.recordings.spans import MIN_SILENCE_S, silences, spans
 
-MOST_INSTANCES = 8
+MAX_INSTANCES = 8
 FIX_AGE_US = 1_000_000
 
 

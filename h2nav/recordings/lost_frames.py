@@ -5,7 +5,7 @@ import numpy as np
 from h2nav.wire.frame_scan import FoundFrames
 
 # A jump of more than this, of 256 numbers, is an older frame that came late, or another link.
-_MOST_AT_ONCE = 128
+_MAX_AT_ONCE = 128
 
 
 class LostFrames:
@@ -25,7 +25,7 @@ class LostFrames:
             own = numbers[senders == sender]
             last = self._last.get(sender, int(own[0]) - 1)
             steps = (np.diff(own, prepend=last) - 1) & 0xFF
-            lost = int(steps[steps < _MOST_AT_ONCE].sum())
+            lost = int(steps[steps < _MAX_AT_ONCE].sum())
             self._lost[sender] = self._lost.get(sender, 0) + lost
             self._came[sender] = self._came.get(sender, 0) + len(own)
             self._last[sender] = int(own[-1])

@@ -42,8 +42,8 @@ from h2nav.wire.imu import (
     HIGHRES_FIELD_FAULT,
     HIGHRES_MAG_BITS,
     IMU_MESSAGES,
+    MAX_IMUS,
     MILLI_G,
-    MOST_IMUS,
     UT_PER_GAUSS,
     UT_PER_MGAUSS,
 )
@@ -213,7 +213,7 @@ def _imus(clock: _Clock, autopilot: int) -> tuple[ImuTrack, ...]:
     """One track per IMU: of the message that the service prefers, unless it hardly comes."""
     ranked = preference(autopilot, "auto")
     found = []
-    for imu in range(MOST_IMUS):
+    for imu in range(MAX_IMUS):
         tracks = [track for i in ranked if (track := _imu_of(clock, i, imu)) is not None]
         if tracks:
             most = max(len(track.t_s) for track in tracks)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from h2nav.recordings.frame_tables import FrameTable, fields_type
-from h2nav.recordings.log_rows import MOST_INSTANCES, Rows
+from h2nav.recordings.log_rows import MAX_INSTANCES, Rows
 from h2nav.recordings.row_tables import Table
 from h2nav.wire.dialect import LAYOUTS
 
@@ -50,7 +50,7 @@ class TelemetryRows:
         rows = self.find(name, *columns)
         if rows is not None and name in NUMBER:
             numbers = rows.table.integers(NUMBER[name])
-            for value in np.unique(numbers)[:MOST_INSTANCES].tolist():
+            for value in np.unique(numbers)[:MAX_INSTANCES].tolist():
                 yield rows.where(numbers == value)._replace(number=value)
         elif rows is not None:
             yield rows

@@ -19,8 +19,8 @@ from h2nav.recordings import imu_series
 from h2nav.recordings import ulog_controls as controls
 from h2nav.recordings.autopilot_log import (
     FIX_3D,
-    MOST_BURSTS,
-    MOST_RECEIVERS,
+    MAX_BURSTS,
+    MAX_RECEIVERS,
     AutopilotLog,
     Recorded,
     Setting,
@@ -42,11 +42,11 @@ from h2nav.recordings.context import (
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
 from h2nav.recordings.log_clock import in_order
-from h2nav.recordings.log_rows import FIX_AGE_US, MOST_INSTANCES, Rows
+from h2nav.recordings.log_rows import FIX_AGE_US, MAX_INSTANCES, Rows
 from h2nav.recordings.rotations import are_units, normalized
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
-from h2nav.wire.imu import MOST_IMUS, UT_PER_GAUSS
+from h2nav.wire.imu import MAX_IMUS, UT_PER_GAUSS
 from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
 from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
 
@@ -174,7 +174,7 @@ def _imu_rows(log: ULogRows) -> list[ImuRows]:
         for found in choices
     ]
     found = next((rows for rows in (*fast, *choices) if rows), [])
-    return [rows for rows in found if rows.imu < MOST_IMUS]
+    return [rows for rows in found if rows.imu < MAX_IMUS]
 
 
 DEVICE_IDS = "accel_device_id", "gyro_device_id"
@@ -307,7 +307,7 @@ def _bursts(log: ULogRows) -> tuple[Burst, ...]:
     ):
         for rows in log.instances(topic, "samples", "dt", "scale", "x[0]", "y[0]", "z[0]"):
             found += _fifo(log, rows, sensor)
-    return tuple(found[:MOST_BURSTS])
+    return tuple(found[:MAX_BURSTS])
 
 
 def _fifo(log: ULogRows, rows: Rows, sensor: str) -> Iterator[Burst]:
@@ -344,7 +344,7 @@ def _gps(log: ULogRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
     # (until 1.11 the receiver itself).
     found = []
     for topic in ("sensor_gps", "vehicle_gps_position"):
-        found = [*log.instances(topic, "fix_type", *velocity)][:MOST_RECEIVERS]
+        found = [*log.instances(topic, "fix_type", *velocity)][:MAX_RECEIVERS]
         if found:
             break
     tracks = tuple(track for rows in found if (track := _receiver(rows, velocity)) is not None)
@@ -441,7 +441,7 @@ def _primary(log: ULogRows) -> tuple[Span, ...]:
     if rows is None:
         return ()
     numbers = rows.table.integers("primary_instance").tolist()
-    names = (f"EKF2 instance {n + 1}" if n < MOST_INSTANCES else "" for n in numbers)
+    names = (f"EKF2 instance {n + 1}" if n < MAX_INSTANCES else "" for n in numbers)
     return log.spans(rows, names)
 
 

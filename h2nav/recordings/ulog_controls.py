@@ -15,7 +15,7 @@ from h2nav.recordings.context import (
 from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.ulog_rows import ULogRows
 
-MOST_OUTPUTS, MOST_ESCS = 16, 8
+MAX_OUTPUTS, MAX_ESCS = 16, 8
 # battery_status.warning, from low on.
 BATTERY_WARNINGS = {
     1: "battery low",

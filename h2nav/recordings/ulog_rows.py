@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from h2nav.recordings.imu_series import Times
-from h2nav.recordings.log_rows import MOST_INSTANCES, Log, Rows
+from h2nav.recordings.log_rows import MAX_INSTANCES, Log, Rows
 from h2nav.recordings.row_tables import Table
 from h2nav.recordings.ulog_tables import ULogFile, instance
 
@@ -29,7 +29,7 @@ class ULogRows(Log):
 
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:
         """One per instance of a topic."""
-        for number in range(MOST_INSTANCES):
+        for number in range(MAX_INSTANCES):
             rows = self.find(name, *columns, number=number)
             if rows is not None:
                 yield rows

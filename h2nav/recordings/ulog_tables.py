@@ -68,12 +68,12 @@ FIELD = re.compile(r"(\w+)(?:\[(\d{1,5})\])? (\w+)")
 PADDING = "_padding"
 # Topics within topics: PX4 uses one level.
 DEEPEST = 8
-MOST_COLUMNS = 4_096
+MAX_COLUMNS = 4_096
 LARGEST_ROW = 65_533
 APPENDED = 1  # flag: data were appended, at the given places
 FLAGS_BODY = struct.Struct("<8x8s3Q")
 # After damage this many bytes are searched at a time, at first and at last.
-LEAST_SEARCH, MOST_SEARCH = 1 << 10, 1 << 18
+MIN_SEARCH, MAX_SEARCH = 1 << 10, 1 << 18
 NUMBERS = 1 << 16
 Bytes = NDArray[np.uint8]
 
@@ -239,7 +239,7 @@ class _Formats:
                 elif not self._unfold(field.kind, whole + ".", offset, columns):
                     return False
                 offset += size
-                if len(columns) > MOST_COLUMNS:
+                if len(columns) > MAX_COLUMNS:
                     return False
         return True
 
@@ -361,7 +361,7 @@ class _Chain:
     def _next_message(self, place: int, end: int) -> int:
         """The next place where a message begins that two others follow, or the end."""
         place += 1
-        step = LEAST_SEARCH
+        step = MIN_SEARCH
         while place < end:
             # Followers of the last ones may lie beyond the block; the next block has them first.
             block = np.frombuffer(self._data, np.uint8, min(2 * step, end - place), place)
@@ -369,7 +369,7 @@ class _Chain:
             if begins.any():
                 return place + int(begins.argmax())
             place += step
-            step = min(4 * step, MOST_SEARCH)
+            step = min(4 * step, MAX_SEARCH)
         return end
 
     def _beginnings(self, block: Bytes, *, is_last: bool) -> NDArray[np.bool_]:

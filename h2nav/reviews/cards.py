@@ -11,7 +11,7 @@ from h2nav.reviews.subjects import SECTIONS
 # In the form of `h2nav.reviews.document`.
 Entry = dict[str, Any]
 # Causes shown at once; the first one unfolded.
-MOST_SHOWN, MOST_LISTED, MOST_MOMENTS = 6, 200, 3
+MAX_SHOWN, MAX_LISTED, MAX_MOMENTS = 6, 200, 3
 
 
 def cards(findings: Sequence[Entry], *, opens_first: bool = True) -> str:
@@ -35,12 +35,12 @@ def cards(findings: Sequence[Entry], *, opens_first: bool = True) -> str:
         '<p class="about">A click on a finding shows its time in all pictures. Times are seconds '
         "after the beginning of the recording.</p>"
     )
-    shown = _list(wrong[:MOST_SHOWN], followers, opens_first=opens_first)
+    shown = _list(wrong[:MAX_SHOWN], followers, opens_first=opens_first)
     parts = [shown]
-    for some, what in ((wrong[MOST_SHOWN:], "further warning"), (notes, "note")):
+    for some, what in ((wrong[MAX_SHOWN:], "further warning"), (notes, "note")):
         if some:
             number = sum(map(len, some))
-            parts.append(_folded(counted(number, what), _list(some[:MOST_LISTED], followers)))
+            parts.append(_folded(counted(number, what), _list(some[:MAX_LISTED], followers)))
     return "".join((*parts, about if findings else ""))
 
 
@@ -112,7 +112,7 @@ def _card(
     folded = [_why(finding, is_open=is_open)]
     if more:
         title = f"{counted(len(more), 'more finding')} of this kind"
-        folded.append(_folded(title, _list(([one] for one in more[:MOST_LISTED]), {})))
+        folded.append(_folded(title, _list(([one] for one in more[:MAX_LISTED]), {})))
     if followers:
         folded.append(_folded(_led_to(followers), _list(([one] for one in followers), {})))
     return (
@@ -127,7 +127,7 @@ def _card(
 
 def _led_to(followers: Sequence[Entry]) -> str:
     """Names the moments among them and counts the others."""
-    moments = [one for one in followers if one["kind"] in MOMENTS][:MOST_MOMENTS]
+    moments = [one for one in followers if one["kind"] in MOMENTS][:MAX_MOMENTS]
     named = [f"{MOMENTS[one['kind']]} at {one['from_s']:.1f} s" for one in moments]
     rest = len(followers) - len(moments)
     if rest:

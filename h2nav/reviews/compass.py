@@ -23,13 +23,13 @@ from h2nav.reviews.flight import EarthFields
 from h2nav.reviews.inertial import Attitudes, Mask, conjugate, means, rotate, thinned, within
 from h2nav.reviews.tracks import CompassFit, FieldTrack
 
-MOST_POINTS = 2000
-MOST_ROWS = 4000
+MAX_POINTS = 2000
+MAX_ROWS = 4000
 SECTORS = 16
 # Headings that a fit needs: a third of a circle, each for this long.
-FEWEST_SECTORS, LEAST_SHARE = 5, 0.005
+MIN_SECTORS, MIN_SHARE = 5, 0.005
 ROW_S = 0.2
-FEWEST_ROWS = 50
+MIN_ROWS = 50
 # In a quick turn a field that is 20 ms late is 2 deg off.
 FASTEST_RAD_S = 90.0 * DEG
 SURE_TILT_RAD = 6.0 * DEG
@@ -45,7 +45,7 @@ SCALE_TOLD = 0.15
 SURE = 5.0
 BETTER = 0.7
 ROUNDS = 12
-LEAST_NOISE_SHARE = 0.015
+MIN_NOISE_SHARE = 0.015
 # Usual sizes: offsets of a vehicle's own parts, a compass's soft iron.
 OFFSET_UT = 60.0
 SOFT = 0.1
@@ -59,7 +59,7 @@ THROTTLE_BINS = 8
 STEP_SHARE = 0.12
 STEP_ROWS = 30
 SUDDEN_ROWS, SUDDEN_SHARE = 5, 0.5
-MOST_STEPS = 8
+MAX_STEPS = 8
 # Least length of the part that represents the flight.
 USUAL_S = 15.0
 # A step this soon after arming may be the take-off.
@@ -176,10 +176,10 @@ def _rows(
 ) -> SentFields | None:
     """Means of 0.2 s, without quick turns, where the vertical is known."""
     good = np.isfinite(track.m_b_ut).all(axis=1) & np.isfinite(track.w_b).all(axis=1)
-    if good.sum() < FEWEST_ROWS:
+    if good.sum() < MIN_ROWS:
         return None
     t_s = track.t_s[good]
-    row_s = max(ROW_S, (t_s[-1] - t_s[0]) / MOST_ROWS)
+    row_s = max(ROW_S, (t_s[-1] - t_s[0]) / MAX_ROWS)
     edges = np.arange(t_s[0], t_s[-1] + row_s, row_s)
     values = np.hstack((track.m_b_ut[good], np.abs(track.w_b[good])), dtype=float)
     mean = means(t_s, values, edges)
@@ -188,7 +188,7 @@ def _rows(
     tilt = best.near(best.sigma_tilt_rad, at_s)
     keep = np.isfinite(mean).all(axis=1) & np.isfinite(q).all(axis=1)
     keep &= (mean[:, 3:].max(axis=1, initial=0.0) < FASTEST_RAD_S) & (tilt < SURE_TILT_RAD)
-    if keep.sum() < FEWEST_ROWS:
+    if keep.sum() < MIN_ROWS:
         return None
     at_s, q, m_b = at_s[keep], q[keep], mean[keep, :3]
     place = np.clip(np.searchsorted(earth.t_s, at_s, side="right") - 1, 0, len(earth.t_s) - 1)
@@ -229,7 +229,7 @@ def _interpolated(series: Series, at_s: Array) -> Array:
 
 
 def _shown(compass: int, rows: SentFields) -> FieldTrack:
-    place = thinned(len(rows.t_s), MOST_POINTS)
+    place = thinned(len(rows.t_s), MAX_POINTS)
     norm = np.linalg.norm(rows.m_b_ut, axis=1)
     vertical = (rows.m_b_ut * rows.down_b).sum(axis=1)
     dip = np.arcsin(np.clip(vertical / np.maximum(norm, 1e-9), -1.0, 1.0))
@@ -253,7 +253,7 @@ def _pieces(rows: SentFields) -> list[SentFields]:
     size = _step_sizes(own)
     least = STEP_SHARE * float(np.median(rows.norm_ut))
     cuts = [0, len(own)]
-    while len(cuts) - 2 < MOST_STEPS and size.max(initial=0.0) > least:
+    while len(cuts) - 2 < MAX_STEPS and size.max(initial=0.0) > least:
         place = int(np.argmax(size))
         if _is_step(rows, own, place):
             cuts.append(place)
@@ -340,9 +340,9 @@ def _steps(
 
 def best_fit(rows: SentFields) -> Fit | None:
     """The fit with motors if only they explain the residuals, otherwise without them."""
-    if rows.flying.sum() >= FEWEST_ROWS:
+    if rows.flying.sum() >= MIN_ROWS:
         rows = rows.part(rows.flying)
-    if len(rows.t_s) < FEWEST_ROWS:
+    if len(rows.t_s) < MIN_ROWS:
         return None
     plain = fitted(rows, None)
     lever = _lever(rows)
@@ -377,7 +377,7 @@ def fitted(rows: SentFields, lever: Array | None) -> Fit:
         J = J[:, free] * (weights / noise_ut**2)[:, None]
         A = J.T @ _residuals(rows, x, lever)[1][:, free] + np.diag(prior[free])
         x[free] -= np.linalg.solve(A, J.T @ r + prior[free] * (x - expected)[free])
-        noise_ut = max(_rms(r, weights), LEAST_NOISE_SHARE * norm)
+        noise_ut = max(_rms(r, weights), MIN_NOISE_SHARE * norm)
     covariance = np.zeros((9, 9))
     covariance[np.ix_(free, free)] = np.linalg.inv(A)
     after_ut = _rms(_residuals(rows, x, lever)[0], weights)
@@ -513,7 +513,7 @@ def _by_current(compass: int, rows: SentFields, fit: Fit, strength: Strength) ->
 def _has_turned(rows: SentFields) -> bool:
     """Whether enough headings were flown to separate fields fixed to the body."""
     counts = np.bincount(_sector(rows.heading_rad), minlength=SECTORS)
-    return bool(np.count_nonzero(counts > LEAST_SHARE * counts.sum()) >= FEWEST_SECTORS)
+    return bool(np.count_nonzero(counts > MIN_SHARE * counts.sum()) >= MIN_SECTORS)
 
 
 def _change(compass: int, offset_ut: Array, context: Context, *, is_raw: bool) -> str:

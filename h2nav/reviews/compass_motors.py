@@ -13,7 +13,7 @@ from h2nav.recordings.context import Array, Context, ImuTrack
 
 # Throttle without and with load, and the rows that each needs.
 IDLE, LOADED = 0.05, 0.3
-FEWEST_IDLE, FEWEST_LOADED = 30, 50
+MIN_IDLE, MIN_LOADED = 30, 50
 # Strength and throttle go together: steel that a vehicle passes at its take-off is gone later.
 TOGETHER = 0.7
 # Beyond the scatter on the ground.
@@ -37,13 +37,13 @@ def strength_by_throttle(track: ImuTrack, context: Context) -> Strength | None:
     """None where the throttle, or its effect, is not known."""
     good = np.isfinite(track.m_b_ut).all(axis=1)
     series = context.throttle
-    if series is None or good.sum() < FEWEST_IDLE + FEWEST_LOADED or len(series.t_s) < 2:
+    if series is None or good.sum() < MIN_IDLE + MIN_LOADED or len(series.t_s) < 2:
         return None
     t_s = track.t_s[good]
     throttle = np.interp(t_s, series.t_s, np.nan_to_num(series.values))
     norm_ut = np.linalg.norm(track.m_b_ut[good], axis=1)
     idle, loaded = throttle < IDLE, throttle > LOADED
-    if idle.sum() < FEWEST_IDLE or loaded.sum() < FEWEST_LOADED:
+    if idle.sum() < MIN_IDLE or loaded.sum() < MIN_LOADED:
         return None
     at_rest, carrying = float(np.median(norm_ut[idle])), float(np.median(norm_ut[loaded]))
     together = abs(float(np.corrcoef(throttle, norm_ut)[0, 1])) if np.ptp(norm_ut) > 0.0 else 0.0

@@ -6,7 +6,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import CompassRows, Context
 
 # The noise of every compass shows in its last digit within moments.
-FEWEST_ROWS, MIN_FROZEN_S = 50, 5.0
+MIN_ROWS, MIN_FROZEN_S = 50, 5.0
 
 
 def dead_compasses(context: Context) -> tuple[CompassRows, ...]:
@@ -14,7 +14,7 @@ def dead_compasses(context: Context) -> tuple[CompassRows, ...]:
     return tuple(
         one
         for one in context.compass_rows
-        if one.rows >= FEWEST_ROWS and one.changes == 0 and one.to_s - one.from_s >= MIN_FROZEN_S
+        if one.rows >= MIN_ROWS and one.changes == 0 and one.to_s - one.from_s >= MIN_FROZEN_S
     )
 
 

@@ -26,7 +26,7 @@ FORMAT = 1
 # Of docs/schema/review.json: increases with new keys; keys are never renamed or removed.
 SCHEMA = 2
 DIGITS = 6  # significant ones; a file may hold more than any sensor provides
-MOST_TEXTS = 500
+MAX_TEXTS = 500
 
 
 def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
@@ -94,11 +94,11 @@ def document(flight: Flight, analysis: Analysis) -> dict[str, Any]:
         "trends": [_trend(one) for one in analysis.trends],
         "notices": [
             {"t_s": t_s, "severity": severity, "text": text}
-            for t_s, severity, text in flight.notices[:MOST_TEXTS]
+            for t_s, severity, text in flight.notices[:MAX_TEXTS]
         ],
         "said": [
             {"t_s": said.t_s, "severity": said.severity.word, "text": said.text}
-            for said in context.said[:MOST_TEXTS]
+            for said in context.said[:MAX_TEXTS]
         ],
         "rejected": dict(flight.rejected),
         "damaged": dict(context.notes),

@@ -28,7 +28,7 @@ WITHOUT_TIMES = "bytes"
 BEFORE_IMPACT_S = 2.0
 FLOWN_S = 2.0
 # On the ground a barometer varies by this much with noise and the wash of propellers.
-LIFTED_M, FEWEST_HEIGHTS = 1.5, 10
+LIFTED_M, MIN_HEIGHTS = 1.5, 10
 # Slower samples alias a vibration into steps of a bias.
 STEADY_HZ = 45.0
 # Filters smear an impact over the values just before it.
@@ -166,7 +166,7 @@ def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
     """Armed spans without those that began on the ground and stayed there, by the barometer."""
     context, found = evidence.of(recorded), evidence.of(bins)
     height = context.baro_height_m
-    if found is None or height is None or len(height.t_s) < FEWEST_HEIGHTS:
+    if found is None or height is None or len(height.t_s) < MIN_HEIGHTS:
         return context.armed
     return tuple(
         span for span in context.armed if not _stays(height, span) or _begins_aloft(found, span)
@@ -183,7 +183,7 @@ def _begins_aloft(found: Bins, span: Span) -> bool:
 
 def _stays(height: Series, span: Span) -> bool:
     inside = (height.t_s >= span.from_s) & (height.t_s <= span.to_s) & np.isfinite(height.values)
-    if inside.sum() < FEWEST_HEIGHTS:
+    if inside.sum() < MIN_HEIGHTS:
         return True
     low, high = np.quantile(height.values[inside], (0.02, 0.98))
     return bool(high - low < LIFTED_M)

@@ -31,7 +31,7 @@ from h2nav.reviews.tracks import Bias
 STEP_WINDOW_S, GUARD_S = 4.0, 0.5
 REACH_S = STEP_WINDOW_S + GUARD_S
 EVERY_S = 0.25
-FEWEST_FIXES = 10
+MIN_FIXES = 10
 # Afterwards the filter absorbs the jump into its attitude; before it, the bias is steady this long.
 WINDOWS_BEFORE = 3
 # Zero-g output changes by 0.1 mg/K and less: this much at once is not thermal. A tilt drift of
@@ -70,7 +70,7 @@ def detect_force_steps(
         lag_s: delay of the receiver; NaN if unknown.
         armed: while the motors could turn; only then there is an acceleration to compare.
     """
-    if len(moves.t_s) < FEWEST_FIXES:
+    if len(moves.t_s) < MIN_FIXES:
         return []
     moves = moves._replace(t_s=moves.t_s - np.nan_to_num(lag_s))
     at_s = np.arange(moves.t_s[0], moves.t_s[-1], EVERY_S)

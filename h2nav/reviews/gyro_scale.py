@@ -17,7 +17,7 @@ from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, tu
 SCALE_WINDOW_S, PARTS = 4.0, 20
 # The field is averaged around each time; at 10 Hz, over two or three values of a compass.
 FIELD_WITHIN_S = 0.15
-FEWEST_WINDOWS = 15
+MIN_WINDOWS = 15
 # Sensitivity: MPU-6000 and MPU-9250 3 %, BMI088 and ICM-20602 1 %.
 SCALE_LIMIT = 0.03
 SURE = 5.0
@@ -84,7 +84,7 @@ def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | N
     if not has_field.any() or not armed:
         return None
     edges = np.arange(track.t_s[0] + SCALE_WINDOW_S, track.t_s[-1] - SCALE_WINDOW_S, SCALE_WINDOW_S)
-    if len(edges) <= FEWEST_WINDOWS:
+    if len(edges) <= MIN_WINDOWS:
         return None
     around = (edges[:, None] + FIELD_WITHIN_S * np.array([-1.0, 1.0])).ravel()
     field = means(track.t_s[has_field], track.m_b_ut[has_field], around)[::2]
@@ -97,7 +97,7 @@ def _nearer(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | N
     apart = (carried - field[1:]) / norm[:, None]
     good = np.isfinite(rows.sum(axis=(1, 2)) + apart.sum(axis=1))
     good &= within(edges[:-1], armed) & within(edges[1:], armed)
-    if np.count_nonzero(good) < FEWEST_WINDOWS:
+    if np.count_nonzero(good) < MIN_WINDOWS:
         return None
     found = [
         fit for part in _parts(good) if (fit := _least_squares(rows[part], apart[part])) is not None

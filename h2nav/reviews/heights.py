@@ -24,7 +24,7 @@ SIDE, BESIDE = 15, 3
 STEP_M, STEP_ALONE_M = 8.0, 25.0
 # A drift: against altitude and velocity of the receiver, beyond the weather and both errors.
 DRIFT_M, DRIFT_S, SPREAD_SHARE = 25.0, 10.0, 0.5
-FEWEST_SATELLITES = 6
+MIN_SATELLITES = 6
 # An estimate of height that is wrong while barometer and receiver agree, or force shakes it.
 LOST_M, LOST_S, LOST_RATE_M_S = 5.0, 1.0, 3.0
 LEVELLED_S = 5.0
@@ -50,7 +50,7 @@ def heights(context: Context, sources: tuple[Climb, ...]) -> Heights | None:
     nothing = np.full(len(t_s), np.nan)
     altitude, estimate = nothing, nothing
     for gps in context.gps[:1]:
-        good = gps.has_fix & ~(gps.satellites < FEWEST_SATELLITES)
+        good = gps.has_fix & ~(gps.satellites < MIN_SATELLITES)
         altitude = on_grid(t_s, gps.t_s[good], gps.altitude_m[good])
     if context.height_m is not None:
         estimate = on_grid(t_s, context.height_m.t_s, context.height_m.values)

@@ -26,7 +26,7 @@ BIN_S = 0.1
 # together are within 20 deg of a multirotor's vertical axis. Others climb on their engines, but
 # never as steadily.
 STEADY_BINS, STEADY_RAD = 5, 6.0 * DEG
-LEAST_G, MOST_G = 0.7, 1.3
+MIN_G, MAX_G = 0.7, 1.3
 LYING_RAD, LYING_ELSE_RAD = 30.0 * DEG, 45.0 * DEG
 STILL_RAD_S = 3.0 * DEG
 # Rougher and quicker than a person turning the vehicle over by hand.
@@ -282,7 +282,7 @@ def _steady(bins: Bins) -> Mask:
     windows = np.lib.stride_tricks.sliding_window_view(bins.f_b, STEADY_BINS, axis=0)
     mean = windows.mean(axis=2)
     size = np.linalg.norm(mean, axis=1) / GRAVITY_M_S2
-    steady[:count] = (size > LEAST_G) & (size < MOST_G)
+    steady[:count] = (size > MIN_G) & (size < MAX_G)
     for column in range(STEADY_BINS):
         steady[:count] &= _angle(windows[:, :, column], mean) < STEADY_RAD
     last = np.arange(count) + STEADY_BINS - 1

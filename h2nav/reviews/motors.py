@@ -21,7 +21,7 @@ from h2nav.reviews.vertical import Climb, climbs
 
 # Level flight, where the outputs are steady: this much of it in total.
 LEVEL_RAD, QUIET_RAD_S = 20.0 * DEG, 60.0 * DEG
-FEWEST_BINS = 150
+MIN_BINS = 150
 # One motor above the mean of the others, and above the next: DroneKit-LA warns from 50 us on of raw
 # outputs. The others are about even; two pairs that differ show the vehicle's yaw, or a load off
 # the centre. In each part of the flight it is at least half as large.
@@ -116,7 +116,7 @@ def _beyond(outputs: MotorOutputs, count: int) -> Beyond | None:
     tilt = np.arccos(np.clip(-bins.f_b[:, 2] / np.linalg.norm(bins.f_b, axis=1), -1.0, 1.0))
     rate = np.linalg.norm(bins.w_b, axis=1)
     level = outputs.flies & (tilt < LEVEL_RAD) & (rate < QUIET_RAD_S)
-    if level.sum() < FEWEST_BINS or count < 3:
+    if level.sum() < MIN_BINS or count < 3:
         return None
     pwm_us = outputs.pwm_us[level]
     apart = (pwm_us - pwm_us.mean(axis=1, keepdims=True)) * count / (count - 1)

@@ -43,7 +43,7 @@ from h2nav.reviews.pictures.picture import (
 from h2nav.reviews.verdict import first_sentence
 
 LONG_VERDICT = 160  # characters: set smaller, so that it does not fill a phone
-LEAST_PERCENT = 0.05  # smaller values are shown as nothing
+MIN_PERCENT = 0.05  # smaller values are shown as nothing
 _USELESS = (
     "Our own attitude is not shown: it came from a gyro that turned while the vehicle stood still."
 )
@@ -354,7 +354,7 @@ def _tested(document: dict[str, Any]) -> str:
     }
     for name, seconds in document["certainty"]["states_s"].items():
         shares[f"h2nav: {name.replace('_', ' ')}"] = 100.0 * seconds / duration_s
-    rows = [(name, _percent(share)) for name, share in shares.items() if share >= LEAST_PERCENT]
+    rows = [(name, _percent(share)) for name, share in shares.items() if share >= MIN_PERCENT]
     if not rows:
         return ""
     return "<div><h3>What was tested</h3>" + table(("", "share of the time"), rows) + "</div>"

@@ -14,7 +14,7 @@ _OF_ATTITUDE = (
     "EKF2_", "ATT_", "IMU_", "CAL_", "SENS_", "SYS_HAS_", "SYS_MC_EST",
 )  # fmt: skip
 # An autopilot has some 1,500; a damaged recording may name any number.
-_MOST = 4000
+_MAX = 4000
 
 Value = int | float | None
 
@@ -27,7 +27,7 @@ def matters_for_attitude(name: str) -> bool:
 def in_order(parameters: Mapping[str, float]) -> dict[str, Value]:
     """Those that affect the attitude, then the others, both by name; at most some thousands."""
     names = sorted(parameters, key=lambda name: (not matters_for_attitude(name), name))
-    return {name: _as_set(parameters[name]) for name in names[:_MOST]}
+    return {name: _as_set(parameters[name]) for name in names[:_MAX]}
 
 
 def _as_set(value: float) -> Value:

@@ -26,14 +26,14 @@ from h2nav.reviews.receiver_fit import Moves, fits
 from h2nav.reviews.standstill import NEVER, Rest, bias_at_rest, force_error
 from h2nav.reviews.tracks import Receiver
 
-MOST_POINTS = 2000
-FEWEST_MOVES = 10
+MAX_POINTS = 2000
+MIN_MOVES = 10
 EARTH_RADIUS_M = 6_371_000.0
 # Windows, s. A receiver that is led astray slowly shows in the long one.
 LENGTHS_S = (1.0, 3.0, 10.0)
 GATE = 3.0
 # Least deviation of a receiver's velocity, whatever it states; and where it states nothing.
-LEAST_SIGMA_M_S, UNKNOWN_SIGMA_M_S = 0.3, 0.5
+MIN_SIGMA_M_S, UNKNOWN_SIGMA_M_S = 0.3, 0.5
 # Accelerometers' zero-g output (BMI088, ICM-42688-P) and a tilt known to 0.5 deg.
 FORCE_SIGMA_M_S2 = 0.020 * GRAVITY_M_S2
 TILT_SIGMA_RAD = 0.5 * DEG
@@ -44,14 +44,14 @@ LARGEST_JITTER_S = 0.25
 LASTING_S = 1.5
 # Lags to try; receivers for vehicles have 0.05 to 0.4 s.
 EARLIEST_LAG_S, LATEST_LAG_S, COARSE_LAG_S, LAG_STEP_S = -0.2, 1.2, 0.1, 0.02
-MOST_LAG_FIXES = 5000
+MAX_LAG_FIXES = 5000
 LAG_WINDOW_S = 1.0
 # The vehicle has to change its velocity by this much (rms over a window) for a lag to show, and the
 # best lag has to explain the change.
 MOVED_M_S = 0.3
 EXPLAINED = 0.5
 SURE_LAG_S = 0.02
-FEWEST_LAG_WINDOWS = 100
+MIN_LAG_WINDOWS = 100
 # The longest delay an autopilot can be set to: GPS1_DELAY_MS ends at 250 ms (ArduPilot).
 LATEST_USABLE_S = 0.25
 # Difference to the configured delay: 0.1 s in a turn of 1 g are 1 m/s.
@@ -64,7 +64,7 @@ LOST_S, SILENT_SHARE = 1.0, 0.5
 # moving vehicle are equal, except where one is repeated.
 FROZEN_S, FROZEN_FIXES, MOVING_M_S = 2.0, 5, 0.5
 USUAL_SHARE = 0.98
-FEWEST_SATELLITES = 6
+MIN_SATELLITES = 6
 # EKF3 stops trusting a velocity of lower accuracy (EK3_CHECK_SCALE 100 %).
 POOR_SIGMA_M_S = 1.0
 POOR_FOR_S = 10.0
@@ -96,7 +96,7 @@ def detect_receiver(
     lag_s = math.nan
     difference = np.full((len(gps.t_s), 3), np.nan)
     moves = moves_of(gps)
-    if track is not None and best is not None and len(moves.t_s) > FEWEST_MOVES:
+    if track is not None and best is not None and len(moves.t_s) > MIN_MOVES:
         velocity = inertial_velocity(track, best.at(track.t_s))
         lag_s = lag_of(moves, velocity)
         found += _lag_findings(sensor, moves, lag_s, context, _period(gps) if is_polled else 0.0)
@@ -108,7 +108,7 @@ def detect_receiver(
             one for one in against if not fits(one, moves, track, best, bias_at_rest(rest), own)
         ]
         difference = _change(gps.t_s, gps.v_n, velocity, LENGTHS_S[0], own)
-    place = thinned(len(gps.t_s), MOST_POINTS)
+    place = thinned(len(gps.t_s), MAX_POINTS)
     shown = Receiver(
         gps.receiver,
         gps.t_s[place],
@@ -123,7 +123,7 @@ def detect_receiver(
 
 def delay_of(moves: Moves, track: ImuTrack | None, best: Attitudes) -> float:
     """Delay of the receiver's velocity by one IMU, s; NaN if unknown."""
-    if track is None or len(moves.t_s) <= FEWEST_MOVES:
+    if track is None or len(moves.t_s) <= MIN_MOVES:
         return math.nan
     return lag_of(moves, inertial_velocity(track, best.at(track.t_s)))
 
@@ -188,10 +188,10 @@ def _change(
 
 def lag_of(moves: Moves, velocity: VelocityTrack) -> float:
     """Delay of the receiver's velocity, s; NaN if the motion does not show it."""
-    if len(moves.t_s) > MOST_LAG_FIXES:
+    if len(moves.t_s) > MAX_LAG_FIXES:
         # For a long flight, a part from its middle suffices.
-        first = (len(moves.t_s) - MOST_LAG_FIXES) // 2
-        part = slice(first, first + MOST_LAG_FIXES)
+        first = (len(moves.t_s) - MAX_LAG_FIXES) // 2
+        part = slice(first, first + MAX_LAG_FIXES)
         moves = Moves(moves.t_s[part], moves.v_n[part], moves.sigma_m_s[part], moves.axes)
     coarse: Array = np.arange(EARLIEST_LAG_S, LATEST_LAG_S + 0.5 * COARSE_LAG_S, COARSE_LAG_S)
     around, _ = _cost(moves, velocity, coarse)
@@ -224,7 +224,7 @@ def _cost(moves: Moves, velocity: VelocityTrack, lags: Array) -> tuple[Array | N
     )
     squares = (changes**2).sum(axis=2)
     squares = squares[:, np.isfinite(squares).all(axis=0)]
-    if squares.shape[1] < FEWEST_LAG_WINDOWS:
+    if squares.shape[1] < MIN_LAG_WINDOWS:
         return None, 0.0
     # Fixes that contradict at every lag are ignored.
     least = squares.min(axis=0)
@@ -296,7 +296,7 @@ def _contradictions(
     ratio = np.zeros(len(moves.t_s))
     begins = moves.t_s.copy()
     receiver = math.sqrt(2.0) * np.hypot(
-        np.maximum(moves.sigma_m_s, LEAST_SIGMA_M_S), _by_jitter(moves, velocity, lag_s)
+        np.maximum(moves.sigma_m_s, MIN_SIGMA_M_S), _by_jitter(moves, velocity, lag_s)
     )
     for length_s in LENGTHS_S:
         change = _change(moves.t_s, moves.v_n, velocity, length_s, lag_s)[:, moves.axes]
@@ -465,7 +465,7 @@ def _period(gps: GpsTrack) -> float:
 def _quality(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     """Few satellites, or a poor accuracy stated by the receiver."""
     flying = within(gps.t_s, context.armed) & gps.has_fix
-    few = flying & (gps.satellites < FEWEST_SATELLITES)
+    few = flying & (gps.satellites < MIN_SATELLITES)
     poor = flying & (gps.sigma_m_s > POOR_SIGMA_M_S)
     few_s, poor_s = (is_so.sum() * _period(gps) for is_so in (few, poor))
     least = float(gps.satellites[few].min(initial=math.inf))
@@ -479,7 +479,7 @@ def _quality(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
             least,
             "",
             f"only {least:.0f} satellites while armed",
-            f"fewer than {FEWEST_SATELLITES} for {few_s:.0f} s, with a fix all along",
+            f"fewer than {MIN_SATELLITES} for {few_s:.0f} s, with a fix all along",
         ),
         (
             Kind.GPS_ACCURACY,

@@ -34,8 +34,8 @@ MIN_FIT_FIXES, LONGEST_PAUSE_S = 8, 1.5
 TIMES, USUAL_M_S, MIN_RESIDUAL_M_S, SHARE = 2.0, 1.0, 0.3, 0.1
 # A receiver led astray also fits, with a tilt that the vehicle does not have. Our tilt is more
 # certain than this, except where our heading was unknown: velocities then pull the tilt.
-TILT_RAD, OF_HEADING, MOST_HEADING_RAD = 5.0 * DEG, 0.25, 1.0
-MOST_WINDOWS = 60
+TILT_RAD, OF_HEADING, MAX_HEADING_RAD = 5.0 * DEG, 0.25, 1.0
+MAX_WINDOWS = 60
 
 
 class Moves(NamedTuple):
@@ -81,9 +81,9 @@ def fits(
 def _spread(wanted: Mask) -> NDArray[np.intp]:
     """Places of windows, up to a limit."""
     places = np.flatnonzero(wanted)
-    if len(places) <= MOST_WINDOWS:
+    if len(places) <= MAX_WINDOWS:
         return places
-    return places[np.linspace(0, len(places) - 1, MOST_WINDOWS).astype(np.intp)]
+    return places[np.linspace(0, len(places) - 1, MAX_WINDOWS).astype(np.intp)]
 
 
 def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float) -> _Lined:
@@ -99,7 +99,7 @@ def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s:
     q_ns = product(best.at(track.t_s[place]), conjugate(q_sb[place]))
     up_s = rotate(conjugate(q_ns), np.tile([0.0, 0.0, -1.0], (len(t_s), 1)))
     good = np.isfinite(v_s.sum(axis=1))
-    heading = np.minimum(best.near(best.sigma_heading_rad, t_s - HALF_S), MOST_HEADING_RAD)
+    heading = np.minimum(best.near(best.sigma_heading_rad, t_s - HALF_S), MAX_HEADING_RAD)
     tilt = np.maximum(3.0 * best.near(best.sigma_tilt_rad, t_s), OF_HEADING * heading)
     return _Lined(t_s[good], v_s[good], v_n[good], up_s[good], np.maximum(tilt, TILT_RAD)[good])
 

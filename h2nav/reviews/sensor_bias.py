@@ -31,8 +31,8 @@ from h2nav.reviews.tracks import Bias
 BIAS_WINDOW_S = 5.0
 # Parts of a window whose turns are compared, and the shortest mean of turns that shows a bias.
 PARTS = 20
-LEAST_LEVER = 0.4
-MOST_POINTS = 2000
+MIN_LEVER = 0.4
+MAX_POINTS = 2000
 # Zero-rate output: BMI088 and ICM-20602 1 deg/s, ICM-42688-P 0.5 deg/s (typical), and 0.01 to
 # 0.03 deg/s/K over 30 K. The MPU-6000's 20 deg/s are calibrated at every start.
 GYRO_LIMIT_RAD_S = 2.0 * DEG
@@ -54,7 +54,7 @@ REST_RATE_RAD_S = 0.5 * DEG
 REST_FORCE_M_S2 = 0.15
 REST_WINDOW_S = 1.0
 REST_FOR_S = 3.0
-FEWEST_WINDOWS = 3
+MIN_WINDOWS = 3
 # An attitude less certain than this shows no bias; its change over a window is more certain than
 # the attitude itself.
 SURE_RAD = 4.0 * DEG
@@ -68,7 +68,7 @@ STILL_PARTS = 5
 # Effect of slow samples of a vibrating gyro on a window's mean.
 SHAKEN_RAD_S = 0.3 * DEG
 # Samples in a window whose mean counts.
-FEWEST_SAMPLES = 50
+MIN_SAMPLES = 50
 # Other findings that show which of two disagreeing IMUs is wrong.
 SHOWN_BY = {
     Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
@@ -130,8 +130,8 @@ def _of_imu(
     imu = Sensor(SensorKind.IMU, track.imu + 1)
     centres, bias, rough = gyro_bias(track, best)
     rest_s, norms = _rest(track, armed)
-    place = thinned(len(centres), MOST_POINTS)
-    rested = thinned(len(rest_s), MOST_POINTS)
+    place = thinned(len(centres), MAX_POINTS)
+    rested = thinned(len(rest_s), MAX_POINTS)
     shown = Bias(
         track.imu,
         centres[place],
@@ -168,7 +168,7 @@ def gyro_bias(track: ImuTrack, best: Attitudes | None) -> tuple[Array, Array, Ma
     is_known = np.isfinite(extra.sum(axis=1) + lever.sum(axis=(1, 2)))
     bias = np.full((len(extra), 3), np.nan)
     values = np.linalg.svd(np.where(is_known[:, None, None], lever, 0.0), compute_uv=False)
-    is_known &= values[:, -1] > LEAST_LEVER
+    is_known &= values[:, -1] > MIN_LEVER
     solved = np.linalg.solve(lever[is_known], extra[is_known][:, :, None])[:, :, 0]
     bias[is_known] = solved / length_s[is_known, None]
     sigma = best.near(np.hypot(best.sigma_tilt_rad, best.sigma_heading_rad), at_s)
@@ -231,11 +231,11 @@ def _levers(best: Attitudes, at_s: Array) -> Array:
 
 def _large(imu: Sensor, t_s: Array, bias: Array) -> list[Finding]:
     """Biases beyond the data sheet for a while."""
-    if len(t_s) < FEWEST_WINDOWS:
+    if len(t_s) < MIN_WINDOWS:
         return []
     size = np.linalg.norm(bias, axis=1)
     beyond = np.flatnonzero(size > GYRO_LIMIT_RAD_S)
-    if len(beyond) < FEWEST_WINDOWS:
+    if len(beyond) < MIN_WINDOWS:
         return []
     b = np.median(bias[beyond], axis=0) / DEG
     worst = float(np.median(size[beyond])) / DEG
@@ -340,7 +340,7 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     if len(ends) < 2:
         return []
     edges = np.arange(max(a for a, _ in ends), min(b for _, b in ends), BIAS_WINDOW_S)
-    if len(edges) < FEWEST_WINDOWS + 1:
+    if len(edges) < MIN_WINDOWS + 1:
         return []
     tracks = tuple(track for track in tracks if len(track.t_s) > 1)
     if any(_is_slow(track) for track in tracks):
@@ -356,7 +356,7 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
 
 def _is_slow(track: ImuTrack) -> bool:
     """Whether a window has so few samples that their mean is that of a vibration's aliases."""
-    return float(np.median(np.diff(track.t_s))) > BIAS_WINDOW_S / FEWEST_SAMPLES
+    return float(np.median(np.diff(track.t_s))) > BIAS_WINDOW_S / MIN_SAMPLES
 
 
 def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
@@ -382,7 +382,7 @@ def _disagreeing(
         places = apart > limit
         # The effect of vibration on slow samples changes its direction.
         if (
-            np.count_nonzero(places) >= FEWEST_WINDOWS
+            np.count_nonzero(places) >= MIN_WINDOWS
             and np.linalg.norm(difference[places].mean(axis=0)) > limit
         ):
             beyond[one, other] = apart

@@ -22,10 +22,10 @@ STRONG_M_S2, STRONG_S = 5.0, 10.0
 # It began where the level left the usual one: this many times, before which it was less.
 LEFT = 1.3
 # Most samples grow by this much, too.
-MOST_GROW = 1.5
+MAX_GROW = 1.5
 # Median of the length of a vector of three Gaussian parts, over its rms.
 MEDIAN_OF_RMS = 0.89
-FEWEST_BEFORE = 10
+MIN_BEFORE = 10
 # Time around an impact that is ignored.
 IMPACT_S = 3.0
 
@@ -73,7 +73,7 @@ def detect_shaking(
     for impact in impacts:
         flies &= ~((t_s > impact.t_s - IMPACT_S) & (t_s < max(impact.to_s, impact.t_s + IMPACT_S)))
     at_s, sizes = t_s[flies], sizes[flies]
-    if len(at_s) < FEWEST_BEFORE:
+    if len(at_s) < MIN_BEFORE:
         return []
     found = _begun(at_s, sizes) or _strong(at_s, sizes[:, 0])
     if found is None:
@@ -162,7 +162,7 @@ def _grown(size: Array, typical: Array, growth: _Growth) -> int | None:
         typical: (N,) level of most samples, which has to grow as well: bumps do not vibrate.
     """
     reach = round(growth.lasts_s / SHAKING_WINDOW_S)
-    places = np.arange(FEWEST_BEFORE, len(size) - reach + 1)
+    places = np.arange(MIN_BEFORE, len(size) - reach + 1)
     if not len(places):
         return None
     before = np.array([np.median(size[:place]) for place in places])
@@ -173,7 +173,7 @@ def _grown(size: Array, typical: Array, growth: _Growth) -> int | None:
     begun &= level > growth.above * high
     usual = np.array([np.median(typical[:place]) for place in places])
     now = np.array([np.median(typical[place : place + reach]) for place in places])
-    begun &= now > MOST_GROW * usual
+    begun &= now > MAX_GROW * usual
     return int(places[np.flatnonzero(begun)[0]]) if begun.any() else None
 
 

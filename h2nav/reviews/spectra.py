@@ -16,11 +16,11 @@ from h2nav.recordings.context import Array, Burst, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, within
 from h2nav.reviews.tracks import Peak, Spectrum, Vibrations
 
-MOST_BINS = 256
-MOST_COLUMNS = 300
-FEWEST_WINDOWS = 4
+MAX_BINS = 256
+MAX_COLUMNS = 300
+MIN_WINDOWS = 4
 # A long flight is analysed in pieces with gaps between them.
-MOST_WINDOWS = 1500
+MAX_WINDOWS = 1500
 AT_ONCE = 64
 UNITS = {"gyro": "rad/s", "accelerometer": "m/s^2"}
 # Times may differ from equal steps by this share of a window.
@@ -30,7 +30,7 @@ SLOWEST_LINE_HZ = 8.0
 # A line: its density relative to its surroundings (10 dB in power), over this many bins.
 LINE_FACTOR = 3.2
 SURROUNDINGS = 21
-MOST_PEAKS = 8
+MAX_PEAKS = 8
 # Lines worth a notch: what shakes a gyro of 0.01 deg/s/sqrt(Hz) (MPU-9250 data sheet) in a
 # bandwidth of 80 Hz (INS_GYRO_FILTER of small multirotors) ten times more than its noise does.
 GYRO_LINE_RAD_S = 0.016
@@ -38,14 +38,14 @@ FORCE_LINE_M_S2 = 3.0
 # A stream with a lower rate is not searched for motors' lines (50 to 400 Hz).
 ADVISED_FROM_HZ = 390.0
 HIGHEST_SHARE = 0.45
-MOST_HARMONICS = 4
+MAX_HARMONICS = 4
 # ArduPilot: levels below 30 m/s^2 are normal, above 60 nearly always trouble; fewer than 100
 # clipped samples may be a landing ("Measuring Vibration"). Filters of 5 Hz and 2 Hz, one pole each
 # (AP_InertialSensor, calc_vibration_and_clipping).
 VIBE_LIMIT_M_S2 = 30.0
 VIBE_BAD_M_S2 = 60.0
 VIBE_FLOOR_HZ, VIBE_LEVEL_HZ = 5.0, 2.0
-MOST_CLIPPED = 100
+MAX_CLIPPED = 100
 CLIPPED_M_S2 = 15.5 * GRAVITY_M_S2
 LEVELS = 2000
 LASTING_S = 1.0
@@ -94,12 +94,12 @@ def _of_bursts(bursts: list[Burst], armed: tuple[Span, ...]) -> _Windows | None:
     if armed:
         bursts = [b for b in bursts if within(np.array([b.t_s]), armed)[0]]
     bursts = [b for b in bursts if len(b.values) >= 64 and np.isfinite(b.values).all()]
-    if len(bursts) < FEWEST_WINDOWS:
+    if len(bursts) < MIN_WINDOWS:
         return None
     rate = float(np.median([b.rate_hz for b in bursts]))
-    length = min(int(np.median([len(b.values) for b in bursts])), 2 * MOST_BINS)
+    length = min(int(np.median([len(b.values) for b in bursts])), 2 * MAX_BINS)
     fitting = [b for b in bursts if len(b.values) >= length and abs(b.rate_hz - rate) < 0.05 * rate]
-    if len(fitting) < FEWEST_WINDOWS:
+    if len(fitting) < MIN_WINDOWS:
         return None
     pieces, times = [], []
     for burst in fitting:
@@ -113,14 +113,14 @@ def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows
     """Windows of a stream without gaps, overlapping by half up to a limit of windows."""
     values = track.w_b if sensor == "gyro" else track.f_b
     t_s = track.t_s
-    length = 2 * MOST_BINS
+    length = 2 * MAX_BINS
     if len(t_s) < length:
         return None
     stamp_s = track.stamp_us * 1e-6
     period = float(np.median(np.diff(stamp_s)))
     if period <= 0.0:
         return None
-    step = max(length // 2, (len(t_s) - length) // MOST_WINDOWS)
+    step = max(length // 2, (len(t_s) - length) // MAX_WINDOWS)
     starts = np.arange(0, len(t_s) - length + 1, step)
     nominal = (length - 1) * period
     span = stamp_s[starts + length - 1] - stamp_s[starts]
@@ -128,7 +128,7 @@ def _of_track(track: ImuTrack, sensor: str, armed: tuple[Span, ...]) -> _Windows
     if armed:
         good &= within(t_s[starts], armed) & within(t_s[starts + length - 1], armed)
     starts = starts[good]
-    if len(starts) < FEWEST_WINDOWS:
+    if len(starts) < MIN_WINDOWS:
         return None
     times = t_s[starts + length // 2]
     windows = np.lib.stride_tricks.sliding_window_view(values, length, axis=0)
@@ -141,7 +141,7 @@ def _densities(t_s: Array, pieces: Array, rate_hz: float) -> _Windows:
     length = pieces.shape[2]
     slope = np.linspace(-1.0, 1.0, length)
     hann = np.hanning(length + 1)[:-1]
-    power = np.empty((len(pieces), min(length // 2, MOST_BINS), 3))
+    power = np.empty((len(pieces), min(length // 2, MAX_BINS), 3))
     # As many at a time as fit into a processor's cache.
     for first in range(0, len(pieces), AT_ONCE):
         part = pieces[first : first + AT_ONCE].astype(float)
@@ -157,7 +157,7 @@ def _densities(t_s: Array, pieces: Array, rate_hz: float) -> _Windows:
 def _spectrum(windows: _Windows, imu: int, sensor: str, is_burst: bool) -> Spectrum:
     order = np.argsort(windows.t_s, kind="stable")
     power = windows.power[order]
-    columns = min(MOST_COLUMNS, len(order))
+    columns = min(MAX_COLUMNS, len(order))
     place = np.linspace(0, len(order), columns + 1).astype(np.intp)[:-1]
     counts = np.diff(np.append(place, len(order)))
     total = np.add.reduceat(power.sum(axis=2), place, axis=0) / counts[:, None]
@@ -187,7 +187,7 @@ def _peaks(frequency_hz: Array, power: Array) -> tuple[Peak, ...]:
     found: list[Peak] = []
     taken = np.zeros(len(power), dtype=bool)
     for place in sorted(np.flatnonzero(over & highest).tolist(), key=lambda i: -power[i]):
-        if taken[place] or frequency_hz[place] < SLOWEST_LINE_HZ or len(found) == MOST_PEAKS:
+        if taken[place] or frequency_hz[place] < SLOWEST_LINE_HZ or len(found) == MAX_PEAKS:
             continue
         low, high = _reach(power, 2.0 * floor, place)
         taken[low : high + 1] = True
@@ -217,7 +217,7 @@ def _families(peaks: list[Peak], step_hz: float) -> tuple[Peak, ...]:
         for number, peak in enumerate(peaks):
             harmonic = round(peak.frequency_hz / fundamental.frequency_hz)
             apart = abs(peak.frequency_hz - harmonic * fundamental.frequency_hz)
-            if 1 <= harmonic <= MOST_HARMONICS and apart <= harmonic * 1.5 * step_hz:
+            if 1 <= harmonic <= MAX_HARMONICS and apart <= harmonic * 1.5 * step_hz:
                 members[number] = harmonic
         power = sum(peaks[number].rms ** 2 for number in members)
         if len(members) > 1 and power > best[0]:
@@ -322,7 +322,7 @@ def detect_vibration(
     flying = within(t_s, armed)
     found = [] if is_reported else _level(track, level, flying, rate_hz)
     count = int((clipped & flying).sum())
-    if count > MOST_CLIPPED:
+    if count > MAX_CLIPPED:
         found.append(_clipped(track, clipped & flying, count))
     place = np.linspace(0, max(len(t_s) - 1, 0), min(LEVELS, len(t_s))).astype(np.intp)
     shown = Vibrations(track.imu, t_s[place], level[place], VIBE_LIMIT_M_S2, int(clipped.sum()))

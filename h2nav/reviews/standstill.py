@@ -23,10 +23,10 @@ QUIET_RAD_S, QUIET_M_S2 = 1.5 * DEG, 0.6
 MOVING_M_S, FIX_WITHIN_S = 1.0, 1.0
 MIN_REST_WINDOWS = 3
 # A larger bias needs fewer windows: in all of them together, gravity would have turned so far.
-WOULD_TURN_RAD, FEWEST_LARGE = 15.0 * DEG, 2
+WOULD_TURN_RAD, MIN_LARGE = 15.0 * DEG, 2
 # About the vertical, gravity shows nothing; but nobody turns a vehicle this evenly for this long.
 # A table might, faster than any gyro is off (MPU-6000, before it is calibrated).
-EVEN_RAD_S, EVEN_S, MOST_BIAS_RAD_S = 0.3 * DEG, 10.0, 20.0 * DEG
+EVEN_RAD_S, EVEN_S, MAX_BIAS_RAD_S = 0.3 * DEG, 10.0, 20.0 * DEG
 # Allowed difference of biases of windows that belong together.
 ALIKE_RAD_S = 1.5 * DEG
 # Data sheets, see `sensor_bias`; beyond the second, an attitude is useless.
@@ -100,7 +100,7 @@ def _moving(receivers: Iterable[GpsTrack], t_s: Array) -> Mask:
 
 
 def _gyro(rest: Rest, imu: Sensor) -> list[Finding]:
-    if len(rest.t_s) < FEWEST_LARGE:
+    if len(rest.t_s) < MIN_LARGE:
         return []
     bias = np.median(rest.w_b, axis=0)
     alike = np.linalg.norm(rest.w_b - bias, axis=1) < ALIKE_RAD_S
@@ -130,7 +130,7 @@ def _against_gravity(rest: Rest, bias: Array, alike: Mask) -> bool:
     """Whether most of the bias would have turned gravity far in the windows that agree."""
     down = rest.f_b / np.linalg.norm(rest.f_b, axis=1, keepdims=True)
     across = np.linalg.norm(rest.w_b - (rest.w_b * down).sum(axis=1, keepdims=True) * down, axis=1)
-    if alike.sum() < FEWEST_LARGE:
+    if alike.sum() < MIN_LARGE:
         return False
     shown = float(np.median(across[alike]))
     would_turn = float(across[alike].sum()) * REST_WINDOW_S
@@ -143,7 +143,7 @@ def _is_even(rest: Rest, bias: Array) -> bool:
     enough = (
         len(rest.t_s) >= MIN_REST_WINDOWS and rest.t_s[-1] + REST_WINDOW_S - rest.t_s[0] >= EVEN_S
     )
-    is_bias = float(np.linalg.norm(bias)) < MOST_BIAS_RAD_S
+    is_bias = float(np.linalg.norm(bias)) < MAX_BIAS_RAD_S
     return bool(enough and is_bias and apart.max() < EVEN_RAD_S)
 
 
@@ -183,7 +183,7 @@ def force_error(rest: Rest) -> float:
 
 def bias_at_rest(rest: Rest) -> Array:
     """(3,) rate of the gyro at rest, rad/s; zero unless it is certainly a bias."""
-    bias = np.median(rest.w_b, axis=0) if len(rest.t_s) >= FEWEST_LARGE else np.zeros(3)
+    bias = np.median(rest.w_b, axis=0) if len(rest.t_s) >= MIN_LARGE else np.zeros(3)
     return bias if float(np.linalg.norm(bias)) > BIAS_RAD_S else np.zeros(3)
 
 

@@ -25,10 +25,10 @@ LOW_S, MEASURED_V = 10.0, 1.0
 LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
 # No cell that flies holds less than this under load; a pack has two at the least. Nor does a
 # battery's voltage rise by this share while it carries a vehicle.
-LEAST_CELL_V, FEWEST_CELLS = 2.5, 2
+MIN_CELL_V, MIN_CELLS = 2.5, 2
 # Where limits are set: 3.3 to 3.7 V a cell.
 LIMIT_CELL_V = 3.5
-CARRIES_SHARE, RESTS_SHARE, RISES_SHARE, FEWEST_ROWS = 0.35, 0.12, 0.02, 10
+CARRIES_SHARE, RESTS_SHARE, RISES_SHARE, MIN_ROWS = 0.35, 0.12, 0.02, 10
 # No vehicle moves this far between two values of a barometer in close succession.
 JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
 
@@ -90,22 +90,22 @@ def _wrong_sensor(context: Context) -> str:
     if not context.batteries or not len(context.batteries[0].t_s):
         quoted = (VOLTS.search(text) for _, text in reported(context, "battery", BATTERY))
         said_v = [float(found[1]) for found in quoted if found]
-        is_none = said_v and max(said_v) < FEWEST_CELLS * LEAST_CELL_V
+        is_none = said_v and max(said_v) < MIN_CELLS * MIN_CELL_V
         return f"{max(said_v):.1f} V is no battery" if is_none else ""
     battery = context.batteries[0]
     armed = within(battery.t_s, context.armed)
     volts = battery.voltage_v[armed & np.isfinite(battery.voltage_v)]
-    if len(volts) < FEWEST_ROWS:
+    if len(volts) < MIN_ROWS:
         return ""
-    if float(np.median(volts)) < FEWEST_CELLS * LEAST_CELL_V:
+    if float(np.median(volts)) < MIN_CELLS * MIN_CELL_V:
         return f"{np.median(volts):.1f} V is no battery"
     cells = _cells(context)
-    if cells and float(np.median(volts)) < cells * LEAST_CELL_V:
+    if cells and float(np.median(volts)) < cells * MIN_CELL_V:
         return f"{np.median(volts):.1f} V for {cells} cells, by the limit that was set"
     driven = driven_at(context, battery.t_s)
     known = armed & np.isfinite(battery.voltage_v)
     carries, rests = known & (driven > CARRIES_SHARE), known & (driven < RESTS_SHARE)
-    if min(carries.sum(), rests.sum()) < FEWEST_ROWS:
+    if min(carries.sum(), rests.sum()) < MIN_ROWS:
         return ""
     loaded, idle = (float(np.median(battery.voltage_v[rows])) for rows in (carries, rests))
     if loaded > idle * (1.0 + RISES_SHARE):
@@ -116,7 +116,7 @@ def _wrong_sensor(context: Context) -> str:
 def _cells(context: Context) -> int:
     """Cells of the pack that the autopilot's limit is meant for; 0 if unknown."""
     limits = (context.parameters.get(name, 0.0) for name in LIMITS)
-    limit = next((limit for limit in limits if limit > FEWEST_CELLS * LEAST_CELL_V), 0.0)
+    limit = next((limit for limit in limits if limit > MIN_CELLS * MIN_CELL_V), 0.0)
     return round(limit / LIMIT_CELL_V)
 
 

@@ -11,7 +11,7 @@ from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.reviews.inertial import Mask, runs, within
 from h2nav.reviews.tracks import TimingTrack
 
-MOST_COLUMNS = 1000
+MAX_COLUMNS = 1000
 MIN_SAMPLES = 100
 # A stamp that advances by less has repeated its sample.
 SAME_US = 0
@@ -184,7 +184,7 @@ def _lateness(t_s: Array, stamp_s: Array) -> tuple[Array | None, float | None]:
 
 def _columns(track: ImuTrack, stamp_s: Array, late_s: Array | None) -> TimingTrack:
     t_s = track.t_s
-    count = int(np.clip((t_s[-1] - t_s[0]) / 0.5, 1, MOST_COLUMNS))
+    count = int(np.clip((t_s[-1] - t_s[0]) / 0.5, 1, MAX_COLUMNS))
     edges = np.linspace(t_s[0], t_s[-1], count + 1)
     place = np.searchsorted(t_s, edges)
     rate = np.diff(place) / max(edges[1] - edges[0], 1e-9)

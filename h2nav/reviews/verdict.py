@@ -21,7 +21,7 @@ from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
 # Findings this close to a time belong to it.
 NEAR_S = 1.5
-MOST_SENSORS = 3
+MAX_SENSORS = 3
 FULL_THROTTLE, NO_THROTTLE, SHORTLY_S = 0.97, 0.02, 0.1
 ON_ITS_BACK_RAD = 120.0 * DEG
 SENSORS = (
@@ -38,7 +38,7 @@ ON_THE_GROUND = (
     mavlink.MAV_TYPE_SURFACE_BOAT,
     mavlink.MAV_TYPE_SUBMARINE,
 )
-HEIGHT_S, HIGH_M, SINKS_M_S, FEWEST_HEIGHTS = 1.0, 3.0, 2.0, 10
+HEIGHT_S, HIGH_M, SINKS_M_S, MIN_HEIGHTS = 1.0, 3.0, 2.0, 10
 # A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
 # A slower touchdown is no part of the sentence.
@@ -246,7 +246,7 @@ def _until(crash: Finding, found: list[Finding]) -> str:
     parts = [_phrase(one) for one in (*motors, *sensors)]
     if estimators and not sensors:
         parts += [_phrase(one) for one in estimators]
-    unique = list(dict.fromkeys(parts))[:MOST_SENSORS]
+    unique = list(dict.fromkeys(parts))[:MAX_SENSORS]
     if not unique:
         return SOUND
     return f"Before that, {_listed(unique)}."
@@ -276,8 +276,8 @@ def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind:
         }
         kept = [one for one in serious if one in firsts.values()]
         parts = list(dict.fromkeys(_phrase(one) + _lacking(one, found) for one in kept))
-        shown = _listed(parts[:MOST_SENSORS])
-        more = len(parts) - MOST_SENSORS
+        shown = _listed(parts[:MAX_SENSORS])
+        more = len(parts) - MAX_SENSORS
         rest = f", and {more} more" if more > 0 else ""
         begin = "" if failed or ending else "No crash. "
         if false is not None:
@@ -302,7 +302,7 @@ def _ending(context: Context) -> str:
     """Whether the log ends in the air; empty if not or unknown."""
     height = context.baro_height_m or context.height_m
     flies = context.vehicle_type not in ON_THE_GROUND
-    if not flies or height is None or not context.armed or len(height.t_s) < FEWEST_HEIGHTS:
+    if not flies or height is None or not context.armed or len(height.t_s) < MIN_HEIGHTS:
         return ""
     end_s = context.duration_s
     last = height.values[height.t_s > end_s - HEIGHT_S]
@@ -311,7 +311,7 @@ def _ending(context: Context) -> str:
     ends_armed = context.armed[-1].to_s > end_s - HEIGHT_S
     if not ends_armed or not len(last) or not len(before) or not driven > FLYING_SHARE:
         return ""
-    above_m = float(np.median(last)) - float(np.median(height.values[:FEWEST_HEIGHTS]))
+    above_m = float(np.median(last)) - float(np.median(height.values[:MIN_HEIGHTS]))
     sinking = float(np.median(before) - np.median(last)) / HEIGHT_S
     if above_m < HIGH_M:
         return ""

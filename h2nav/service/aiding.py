@@ -40,7 +40,7 @@ NOWHERE_DEG = 0.01
 # A distant place must be the only one received for this long before the field follows.
 FAR_PLACE_NS = 3 * SECOND_NS
 # Receivers give 5 to 25 fixes a second; a stalled link brings some at once.
-MOST_FIXES_PER_S = 50.0
+MAX_FIXES_PER_S = 50.0
 FIXES_AT_ONCE = 50
 
 
@@ -138,8 +138,8 @@ class Aiding:
         self._estimation = estimation
         self._witness = witness
         self.gnss = GnssVerdict()
-        self._fixes = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
-        self._airspeeds = RateLimit(MOST_FIXES_PER_S, FIXES_AT_ONCE)
+        self._fixes = RateLimit(MAX_FIXES_PER_S, FIXES_AT_ONCE)
+        self._airspeeds = RateLimit(MAX_FIXES_PER_S, FIXES_AT_ONCE)
         self._airspeed_m_s: float | None = None  # true
         self._altitude_m = 0.0
         self._airspeed_ns = 0

@@ -15,7 +15,7 @@ from h2nav.service.wished_stream import Wish
 from h2nav.wire.attitude import ReportedAttitude
 
 # The largest rate of comparison; faster streams in recordings are thinned.
-MOST_PER_S = 10.0
+MAX_PER_S = 10.0
 AT_ONCE = 2
 MESSAGES = frozenset({mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_AHRS2})
 # AHRS2 comes at half the rate of ATTITUDE.
@@ -53,7 +53,7 @@ class Comparing:
     def __init__(self) -> None:
         self.witness = Witness()
         self._reports: dict[AttitudeSource, LatestReport] = {}
-        self._limits = {message_id: RateLimit(MOST_PER_S, AT_ONCE) for message_id in MESSAGES}
+        self._limits = {message_id: RateLimit(MAX_PER_S, AT_ONCE) for message_id in MESSAGES}
 
     def on_arrival(self, t_ns: int, message_id: int) -> bool:
         """Counts a message of `MESSAGES`; returns whether it is due for comparison."""

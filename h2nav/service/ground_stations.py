@@ -7,7 +7,7 @@ from h2nav.service.limits import SECOND_NS, RateLimit
 
 # A station that was away for this long has missed something.
 AWAY_NS = 30 * SECOND_NS
-MOST_STATIONS = 8
+MAX_STATIONS = 8
 # Bounded, whatever ids senders invent.
 NEWCOMERS_PER_S = 0.1
 NEWCOMERS_AT_ONCE = 2
@@ -25,7 +25,7 @@ class GroundStations:
         heard_ns = self._heard_ns.get(sender)
         self._heard_ns[sender] = t_ns
         self._heard_ns.move_to_end(sender)
-        if len(self._heard_ns) > MOST_STATIONS:
+        if len(self._heard_ns) > MAX_STATIONS:
             self._heard_ns.popitem(last=False)
         is_new = heard_ns is None or t_ns - heard_ns > AWAY_NS
         return is_new and self._limit.allows(t_ns)

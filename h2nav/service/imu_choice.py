@@ -8,7 +8,7 @@ from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import (
     IDS_BY_NAME,
     IMU_MESSAGES,
-    MOST_IMUS,
+    MAX_IMUS,
     NUMBERED_IDS,
     RECORDED_IMU,
     ImuMessage,
@@ -57,11 +57,11 @@ def lanes_wanted(autopilot: int, settings: AutopilotSettings) -> tuple[LaneMessa
     first = IMU_MESSAGES[ranked[0]].imu
     many = settings.lanes
     if isinstance(many, str):
-        many = MOST_IMUS if settings.imu_message == "auto" else 1
+        many = MAX_IMUS if settings.imu_message == "auto" else 1
     if many == 1:
         return (LaneMessages(first, ranked, others_too=True),)
     lanes = [LaneMessages(first, tuple(i for i in ranked if IMU_MESSAGES[i].imu == first))]
-    for imu in range(MOST_IMUS):
+    for imu in range(MAX_IMUS):
         if imu != first and len(lanes) < many:
             own = [row.message_id for row in IMU_MESSAGES.values() if row.imu == imu]
             borrowed = () if imu == 0 else NUMBERED_IDS

@@ -15,9 +15,9 @@ from h2nav.wire import outbound
 from h2nav.wire.outbound import OutMessage
 
 REPEAT_NS = 60 * SECOND_NS
-MOST_CAUSES = 64
+MAX_CAUSES = 64
 WAITING = 8
-MOST_REMINDERS = 4
+MAX_REMINDERS = 4
 PAUSE_NS = SECOND_NS
 LAST_TEXT_ID = 0xFFFF
 PREFIX = "h2nav: "
@@ -64,7 +64,7 @@ class Notices:
             return []
         self._reported[cause] = t_ns, severity
         self._reported.move_to_end(cause)
-        if len(self._reported) > MOST_CAUSES:
+        if len(self._reported) > MAX_CAUSES:
             self._reported.popitem(last=False)
         if self._as_status_text:
             self._waiting.append((severity, text))
@@ -77,7 +77,7 @@ class Notices:
     def remind(self, texts: Iterable[tuple[Severity, str]]) -> None:
         """Sends texts to the ground station again, for a station that has just come."""
         if self._as_status_text:
-            self._waiting.extend(list(texts)[:MOST_REMINDERS])
+            self._waiting.extend(list(texts)[:MAX_REMINDERS])
 
     def status_texts(self, t_ns: int) -> list[OutMessage]:
         """Returns the chunks of the next STATUSTEXT, if one may be sent now."""

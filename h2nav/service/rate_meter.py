@@ -8,7 +8,7 @@ from typing import NamedTuple
 SAMPLING_NS = 100_000_000
 LONGEST_SPAN_NS = 10_000_000_000
 SPAN_NS = 2_000_000_000
-LEAST_SPAN_NS = 1_000_000_000
+MIN_SPAN_NS = 1_000_000_000
 # A rate counts as reached from this share of it on.
 ENOUGH = 0.8
 
@@ -98,4 +98,4 @@ class RateMeter:
             return None
         start_ns = max(first_ns, self._snapshots[-1].t_ns - span_ns)
         arrivals = self.since(message_id, start_ns)
-        return arrivals.hz if arrivals.seconds * 1e9 >= LEAST_SPAN_NS else None
+        return arrivals.hz if arrivals.seconds * 1e9 >= MIN_SPAN_NS else None

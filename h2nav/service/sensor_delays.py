@@ -42,7 +42,7 @@ PX4_RAW_FIELD_S = 0.01
 # In periods of the samples: how many samples the period is averaged over.
 PERIOD_SAMPLES = 50
 # Smaller changes are not passed to the filter: 0.02 deg at 200 deg/s.
-LEAST_CHANGE_S = 1e-4
+MIN_CHANGE_S = 1e-4
 
 
 def butterworth_delay_s(cutoff_hz: float) -> float:
@@ -143,8 +143,8 @@ class SensorTiming:
         field_s = gyro_s if field_s is None else field_s
         was_gyro_s, was_field_s = self.delays
         if (
-            -LEAST_CHANGE_S < gyro_s - was_gyro_s < LEAST_CHANGE_S
-            and -LEAST_CHANGE_S < field_s - was_field_s < LEAST_CHANGE_S
+            -MIN_CHANGE_S < gyro_s - was_gyro_s < MIN_CHANGE_S
+            and -MIN_CHANGE_S < field_s - was_field_s < MIN_CHANGE_S
         ):
             return False
         self.delays = SensorDelays(gyro_s, field_s)

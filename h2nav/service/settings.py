@@ -19,7 +19,7 @@ IMU_MESSAGE_CHOICES = (
     "SCALED_IMU2",
     "SCALED_IMU3",
 )
-LEAST_WHEEL_RATE_HZ = 20.0
+MIN_WHEEL_RATE_HZ = 20.0
 POSE_MESSAGE_CHOICES = ("auto", "ODOMETRY", "VISION_POSITION_ESTIMATE", "ATT_POS_MOCAP")
 
 
@@ -136,7 +136,7 @@ class MotionSettings:
     @property
     def wheel_distance_rate_hz(self) -> float:
         """Requested rate of WHEEL_DISTANCE: dead reckoning also needs it without ODOMETRY."""
-        return max(LEAST_WHEEL_RATE_HZ, self.odometry_rate_hz)
+        return max(MIN_WHEEL_RATE_HZ, self.odometry_rate_hz)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ The autopilot may send everything unasked (PX4) or nothing (ArduPilot), may refu
 streams at a reboot, may have them overridden by a ground station (REQUEST_DATA_STREAM), and
 acknowledges rates that the link cannot carry. So: listen first; send one SET_MESSAGE_INTERVAL at a
 time, because its COMMAND_ACK does not name the message; measure; repeat with growing pauses, at
-most `MOST_PER_MINUTE` times; send nothing while the autopilot is silent. REQUEST_DATA_STREAM is
+most `MAX_PER_MINUTE` times; send nothing while the autopilot is silent. REQUEST_DATA_STREAM is
 used where the command is not acknowledged or unknown.
 
 The service calls `heard` at each heartbeat of the autopilot, `said` at its texts, `arrived` at each
@@ -31,7 +31,7 @@ ACK_WAIT_NS = SECOND_NS
 SILENT_NS = 2_500_000_000
 MINUTE_NS = 60 * SECOND_NS
 REPEAT_NS = 10 * MINUTE_NS
-MOST_PER_MINUTE = 30
+MAX_PER_MINUTE = 30
 UNANSWERED_BEFORE_FALLBACK = 3
 # After an optional stream was given up, it may affect others for this long.
 SPARED_NS = 20_000_000_000
@@ -76,7 +76,7 @@ class StreamRequests:
         self._meter = RateMeter()
         self.arrived = self._meter.arrived  # counts a message of the autopilot, by its id
         self._heard_ns: int | None = None
-        self._asked_ns: deque[int] = deque(maxlen=MOST_PER_MINUTE)
+        self._asked_ns: deque[int] = deque(maxlen=MAX_PER_MINUTE)
         self._unknown_ids: set[int] = set()
         self._reported_ns: dict[tuple[int, Trouble, float], int] = {}
         self._notices: list[Notice] = []
@@ -192,7 +192,7 @@ class StreamRequests:
         """
         if self._is_silent(t_ns) or self._is_waiting(t_ns):
             return None
-        if len(self._asked_ns) == MOST_PER_MINUTE and t_ns - self._asked_ns[0] < MINUTE_NS:
+        if len(self._asked_ns) == MAX_PER_MINUTE and t_ns - self._asked_ns[0] < MINUTE_NS:
             return None
         for stream in self._streams:
             if stream.is_to_be_left:

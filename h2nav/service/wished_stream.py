@@ -26,12 +26,12 @@ LAST_PAUSE_NS = 60 * SECOND_NS
 REFUSED_REST_NS = 600 * SECOND_NS
 LOWER_SHARE = 0.8
 # The slowest loop of an autopilot runs at 50 Hz: a refusal below this is not about the rate.
-LEAST_LOWERED_HZ = 20.0
+MIN_LOWERED_HZ = 20.0
 TRIALS_BEFORE_CUT = 2
 CUTS = 2
-LEAST_CUT_HZ = 5.0
-LEAST_CUT_SHARE = 0.2
-LEAST_OPTIONAL_SHARE = 0.5
+MIN_CUT_HZ = 5.0
+MIN_CUT_SHARE = 0.2
+MIN_OPTIONAL_SHARE = 0.5
 
 
 class Wish(NamedTuple):
@@ -146,7 +146,7 @@ class WishedStream:
 
     def is_enough(self, first_hz: float) -> bool:
         """Whether the rate justifies an optional stream beside a first one of `first_hz`."""
-        return self.rate_hz >= LEAST_OPTIONAL_SHARE * min(first_hz, self.wish.rate_hz)
+        return self.rate_hz >= MIN_OPTIONAL_SHARE * min(first_hz, self.wish.rate_hz)
 
     @property
     def is_to_be_left(self) -> bool:
@@ -281,12 +281,12 @@ class WishedStream:
         lower_hz = LOWER_SHARE * self.wish.rate_hz
         while lower_hz >= self.rate_hz:
             lower_hz *= 0.5
-        return lower_hz if lower_hz >= LEAST_LOWERED_HZ else None
+        return lower_hz if lower_hz >= MIN_LOWERED_HZ else None
 
     def _cut(self, t_ns: int, achieved_hz: float) -> bool:
         """Requests less than the measured rate; returns False if that would be too little."""
         lower_hz = LOWER_SHARE * achieved_hz if self._cuts == 0 else 0.5 * self.rate_hz
-        least_hz = max(LEAST_CUT_HZ, LEAST_CUT_SHARE * self.wish.rate_hz)
+        least_hz = max(MIN_CUT_HZ, MIN_CUT_SHARE * self.wish.rate_hz)
         if self._cuts == CUTS or lower_hz < least_hz or lower_hz <= self._found_hz:
             return False
         self._cuts += 1

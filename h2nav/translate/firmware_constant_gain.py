@@ -3,13 +3,13 @@
 from typing import Final
 
 from h2nav.attitude.constant_gain import memory
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.kernel_files import CONSTANT_GAIN as KERNEL
 from h2nav.translate.firmware import IntegerForm
 
 _PROTOTYPES = f"""\
 /* Longest time between two samples, microseconds; make several steps of a longer one. */
-#define H2NAV_MOST_DT_US {MOST_DT_US}
+#define H2NAV_MOST_DT_US {MAX_DT_US}
 
 /* Forgets everything. */
 void h2nav_init(h2nav_filter *filter);

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.kernel_files import VELOCITY_AIDED_INTEGER
 from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.integer import memory
@@ -76,7 +76,7 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
 void h2nav_add_fix(h2nav_sample *sample, const int32_t velocity[2], const int32_t gained[2],
                    const int32_t accel[2], int32_t variance, uint32_t period_us);
 
-/* Takes a sample; returns bits. One of more than {MOST_DT_US} us is taken in the fewest
+/* Takes a sample; returns bits. One of more than {MAX_DT_US} us is taken in the fewest
  * equal parts, field and fix with the last; the sample is the same afterwards.
  */
 int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample);
@@ -91,13 +91,13 @@ def _ends(name: str) -> tuple[int, int]:
 
 
 _LIMITS = f"""\
-#define LONGEST_PART_US {MOST_DT_US}
-#define LEAST_FORCE ({_ends("accel")[0]})
-#define MOST_FORCE {_ends("accel")[1]}
-#define MOST_VELOCITY {_ends("fix_velocity_n")[1]}
-#define MOST_ACCELERATION {_ends("fix_accel_n")[1]}
-#define MOST_VARIANCE {_ends("fix_variance")[1]}
-#define MOST_PERIOD_US {_ends("fix_period_us")[1]}
+#define LONGEST_PART_US {MAX_DT_US}
+#define MIN_FORCE ({_ends("accel")[0]})
+#define MAX_FORCE {_ends("accel")[1]}
+#define MAX_VELOCITY {_ends("fix_velocity_n")[1]}
+#define MAX_ACCELERATION {_ends("fix_accel_n")[1]}
+#define MAX_VARIANCE {_ends("fix_variance")[1]}
+#define MAX_PERIOD_US {_ends("fix_period_us")[1]}
 
 """
 
@@ -128,7 +128,7 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
 {
     for (int32_t i = 0; i < 3; i++) {
         sample->gyro[i] = rate[i];
-        sample->accel[i] = within(force[i], LEAST_FORCE, MOST_FORCE);
+        sample->accel[i] = within(force[i], MIN_FORCE, MAX_FORCE);
         sample->mag[i] = field ? field[i] : 0;
     }
     sample->has_mag = field ? 1 : 0;
@@ -152,15 +152,15 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
 void h2nav_add_fix(h2nav_sample *sample, const int32_t velocity[2], const int32_t gained[2],
                    const int32_t accel[2], int32_t variance, uint32_t period_us)
 {
-    sample->fix_velocity_n = within(velocity[0], -MOST_VELOCITY, MOST_VELOCITY);
-    sample->fix_velocity_e = within(velocity[1], -MOST_VELOCITY, MOST_VELOCITY);
+    sample->fix_velocity_n = within(velocity[0], -MAX_VELOCITY, MAX_VELOCITY);
+    sample->fix_velocity_e = within(velocity[1], -MAX_VELOCITY, MAX_VELOCITY);
     sample->fix_gained_n = gained[0] & GAINED_MASK;
     sample->fix_gained_e = gained[1] & GAINED_MASK;
-    sample->fix_accel_n = within(accel[0], -MOST_ACCELERATION, MOST_ACCELERATION);
-    sample->fix_accel_e = within(accel[1], -MOST_ACCELERATION, MOST_ACCELERATION);
-    sample->fix_variance = within(variance, 1, MOST_VARIANCE);
+    sample->fix_accel_n = within(accel[0], -MAX_ACCELERATION, MAX_ACCELERATION);
+    sample->fix_accel_e = within(accel[1], -MAX_ACCELERATION, MAX_ACCELERATION);
+    sample->fix_variance = within(variance, 1, MAX_VARIANCE);
     sample->fix_period_us =
-        period_us > MOST_PERIOD_US ? MOST_PERIOD_US : within((int32_t)period_us, 1, MOST_PERIOD_US);
+        period_us > MAX_PERIOD_US ? MAX_PERIOD_US : within((int32_t)period_us, 1, MAX_PERIOD_US);
     sample->aided = 1;
     sample->has_fix = 1;
 }

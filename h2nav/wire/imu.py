@@ -36,7 +36,7 @@ ABSURD_FIELD_UT = 1e6
 HIGHRES_FIELD_FAULT = 1e6
 HIGHRES_MAG_BITS = 0x1C0
 HIGHRES_MOTION_BITS = 0x3F
-MOST_IMUS = 3
+MAX_IMUS = 3
 # For readings from an autopilot's own log; MAVLink's ids have 24 bits.
 RECORDED_IMU = 1 << 24
 
@@ -115,7 +115,7 @@ def _highres_imu(m: Any) -> ImuReading:
         need_within("force_out_of_range", LARGEST_FORCE_M_S2, *force)
     time = need_time("time_out_of_range", m.time_usec)
     # MAVLink 1 has no number; an impossible number counts as none.
-    imu = m.id if m.id < MOST_IMUS else 0
+    imu = m.id if m.id < MAX_IMUS else 0
     return ImuReading(time, rate, force, field, clipped, imu)
 
 

@@ -19,8 +19,8 @@ from h2nav.wire.imu import (
     HIGHRES_MAG_BITS,
     HIGHRES_MOTION_BITS,
     IDS_BY_NAME,
+    MAX_IMUS,
     MILLI_G,
-    MOST_IMUS,
     UT_PER_GAUSS,
     UT_PER_MGAUSS,
     ImuReading,
@@ -82,7 +82,7 @@ def _highres(fields: Rows) -> list[ImuReading | None]:
     norm_ut = np.where(is_too_large, norm_ut / HIGHRES_FIELD_FAULT, norm_ut)
     lowest, highest = PLAIN_FIELD_UT
     usual &= ~has_field | ((norm_ut > lowest) & (norm_ut < highest))
-    imus = np.where(fields["id"] < MOST_IMUS, fields["id"], 0).tolist()
+    imus = np.where(fields["id"] < MAX_IMUS, fields["id"], 0).tolist()
     return _made(_Columns(usual, fields["time_usec"], rate, force, field, has_field), imus)
 
 

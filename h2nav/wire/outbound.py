@@ -19,7 +19,7 @@ INT64_END = (1 << 63) - 1
 # Of an unknown angle: uniformly distributed.
 UNKNOWN_ANGLE_VARIANCE = math.pi**2 / 3.0
 # Euler angles have no finite covariance at their poles.
-LEAST_COSINE = 1e-3
+MIN_COSINE = 1e-3
 LARGEST_FLOAT: float = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 STATUS_TEXT_SIZE = 50
 # Longer texts are truncated: they are read next to a map.
@@ -71,7 +71,7 @@ def attitude_quaternion_cov(estimate: AttitudeEstimate) -> OutMessage:
     uniformly distributed angle.
     """
     _, pitch, _ = quaternion.to_euler(estimate.q_nb)
-    cosine = max(math.cos(pitch), LEAST_COSINE)
+    cosine = max(math.cos(pitch), MIN_COSINE)
     tangent = math.sin(pitch) / cosine
     # The deviation of the tilt is that of both horizontal axes together.
     horizontal = 0.5 * _variance(estimate.sigma_tilt_rad)

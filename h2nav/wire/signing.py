@@ -25,7 +25,7 @@ STAMPS_PER_S = 100_000
 LARGEST_STAMP = 2**48 - 1
 NEW_STREAM_BEHIND = 60 * STAMPS_PER_S
 """The accepted lag of a new stream behind the local stamp: one minute."""
-MOST_STREAMS = 256
+MAX_STREAMS = 256
 SETUP_SIGNING_ID = 256
 
 _MARKER_2 = 0xFD
@@ -132,7 +132,7 @@ class Signer:
 class SignatureChecker:
     """Checks each frame of a link whose traffic must be signed.
 
-    The table of streams holds `MOST_STREAMS`; only a key holder can add to it. When it is full,
+    The table of streams holds `MAX_STREAMS`; only a key holder can add to it. When it is full,
     streams more than a minute behind the local stamp are forgotten (their old frames would be
     rejected as `OLD_STAMP`); if there are none, new streams are rejected and known ones continue.
 
@@ -207,13 +207,13 @@ class SignatureChecker:
             return None if stamp > latest else Denial.REPLAYED
         if stamp < self._oldest_new():
             return Denial.OLD_STAMP
-        if len(self._latest) < MOST_STREAMS or min(self._latest.values()) < self._oldest_new():
+        if len(self._latest) < MAX_STREAMS or min(self._latest.values()) < self._oldest_new():
             return None
         return Denial.TOO_MANY_STREAMS
 
     def _make_room(self) -> None:
         """Forgets streams whose old frames would be rejected anyway."""
-        if len(self._latest) < MOST_STREAMS:
+        if len(self._latest) < MAX_STREAMS:
             return
         oldest = self._oldest_new()
         self._latest = {stream: at for stream, at in self._latest.items() if at >= oldest}

@@ -19,7 +19,7 @@ from h2nav.wire.deframer import LONGEST_FRAME, SIGNATURE_SIZE, SIGNED_FLAG
 TIME_SIZE = 8
 NS_PER_US = 1_000
 _NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
-_LEAST_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
+_MIN_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
 
 
@@ -133,7 +133,7 @@ class _Seen:
     def __init__(self, buffer: bytes, ended: bool) -> None:
         data = np.frombuffer(buffer, dtype=np.uint8)
         at = marker_places(data[TIME_SIZE:])
-        at = at[at <= len(data) - _LEAST_SEEN]
+        at = at[at <= len(data) - _MIN_SEEN]
         times_us = values_at(buffer, at, ">u8")
         marker, length, flags = (data[at + TIME_SIZE + place] for place in range(3))
         is_v2 = marker == MARKER_2

@@ -6,13 +6,13 @@ from fault_flights import fault_flight
 
 from h2nav.recordings.recording import open_recording
 
-MOST_BYTES = 400_000
+MAX_BYTES = 400_000
 
 
 def test_a_log_that_may_not_grow_costs_the_log_alone(tmp_path):
     with fault_flight(tmp_path) as flight:
         flight.until_listening()
-        limits = (MOST_BYTES, MOST_BYTES)
+        limits = (MAX_BYTES, MAX_BYTES)
         resource.prlimit(flight.daemon.process.pid, resource.RLIMIT_FSIZE, limits)
         flight.until(lambda: any("recording" in text for text in flight.texts))
         flight.until_more_samples()

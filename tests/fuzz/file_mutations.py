@@ -4,7 +4,7 @@ import random
 import struct
 from collections.abc import Callable, Sequence
 
-MOST_CHANGES = 6
+MAX_CHANGES = 6
 LENGTHS = (0, 1, 0x7F, 0xFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 1 << 40, (1 << 63) - 1, (1 << 64) - 1)
 _WIDTHS = {1: "B", 2: "H", 4: "I", 8: "Q"}
 
@@ -18,7 +18,7 @@ def mutated(dice: random.Random, seeds: Sequence[bytes], words: Sequence[bytes])
         words: what means something in files of this kind.
     """
     data = bytearray(dice.choice(seeds))
-    for _ in range(dice.randint(1, MOST_CHANGES)):
+    for _ in range(dice.randint(1, MAX_CHANGES)):
         if not data:
             data += dice.choice(seeds)
         dice.choice(_CHANGES)(dice, data, seeds, words)

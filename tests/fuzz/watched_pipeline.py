@@ -33,10 +33,10 @@ START_NS = 1_000_000_000_000
 UNIX_OFFSET_NS = 1_794_000_000_000_000_000
 UNIX_S = 1_795_000_000.0
 # Attitude, quaternion and odometry for a sample; three parameters for a question; an answer.
-MOST_SENT_PER_INPUT = 8
-MOST_TOLD_PER_INPUT = 8
+MAX_SENT_PER_INPUT = 8
+MAX_TOLD_PER_INPUT = 8
 # Windows fill after a session has begun: 170 kB were seen after 1,200 frames.
-MOST_GROWTH_BYTES = 200_000
+MAX_GROWTH_BYTES = 200_000
 FASTEST_RAD_S = 1e4
 # Counts of what only a fault of ours can cause.
 GUARDS = ("handler_error", "filter_error", "non_finite_estimate", "odometry_not_finite")
@@ -127,7 +127,7 @@ class WatchedPipeline:
         held = _bytes_held(self._pipeline, self)
         if self._first_bytes is None:
             self._first_bytes = held
-        if held - self._first_bytes > MOST_GROWTH_BYTES:
+        if held - self._first_bytes > MAX_GROWTH_BYTES:
             raise InvariantBrokenError(f"memory grew from {self._first_bytes} to {held} bytes")
 
     def close(self) -> None:
@@ -166,9 +166,9 @@ class WatchedPipeline:
         begun_s = time.perf_counter()
         event(*arguments)
         self.slowest_s = max(self.slowest_s, time.perf_counter() - begun_s)
-        if self._sent > MOST_SENT_PER_INPUT:
+        if self._sent > MAX_SENT_PER_INPUT:
             raise InvariantBrokenError(f"{self._sent} messages were sent for one input")
-        if self.told - self._told_before > MOST_TOLD_PER_INPUT:
+        if self.told - self._told_before > MAX_TOLD_PER_INPUT:
             raise InvariantBrokenError("a flood of notices for one input")
 
     def _hears(self, data: bytes) -> None:

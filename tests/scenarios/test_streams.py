@@ -13,7 +13,7 @@ from simulated_flight import SIMULATED, SimulatedFlight
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.service.settings import AutopilotSettings
-from h2nav.service.stream_requests import MOST_PER_MINUTE
+from h2nav.service.stream_requests import MAX_PER_MINUTE
 from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
 
 HIGHRES_ID = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
@@ -78,7 +78,7 @@ def test_a_plane_gives_what_its_loop_can_whatever_is_asked(asked_hz):
     assert flight.seen.states[-1][1] == "active"
     assert 20.0 < flight.health.imu_rate_hz < 41.0
     assert flight.health.imu_message == "HIGHRES_IMU"
-    assert len(requests(flight)) <= MOST_PER_MINUTE
+    assert len(requests(flight)) <= MAX_PER_MINUTE
 
 
 def test_what_px4_sends_is_not_slowed_down():

@@ -19,7 +19,7 @@ from h2nav.attitude.batch_driver import (
 from h2nav.attitude.constant_gain.filter import RATE_SCALE, ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import BIAS_UNIT
 from h2nav.attitude.constant_gain.memory import ALIGNED, DISAGREES, Gains, Sample, State
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.record import row
 from h2nav.maths.quaternion import multiply
 
@@ -40,7 +40,7 @@ class ConstantGainBatch:
         gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
         finite = np.isfinite(sizes(samples.gyr)) & np.isfinite(sizes(samples.acc))
         finite &= np.isfinite(sizes(samples.mag)) | ~samples.has_field
-        special: Mask = (gaps > MOST_DT_US) | ~finite
+        special: Mask = (gaps > MAX_DT_US) | ~finite
         special[:1] = True
         special[1:] |= ~finite[:-1]
         return special

@@ -19,7 +19,7 @@ from h2nav.attitude.constant_gain.gains import (
 from h2nav.attitude.constant_gain.kernel.step import reset, restart, update
 from h2nav.attitude.constant_gain.memory import Gains, Sample, State
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
 from h2nav.attitude.samples import (
@@ -52,7 +52,7 @@ def fill_sample(u: Sample, w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: 
         w_b: angular rate, rad/s.
         gravity: opposite of the specific force in units of gravity.
         field: magnetic field in units of its expected norm; None for no new field.
-        dt_us: time since the previous sample, 0 to `integer.motion.MOST_DT_US`.
+        dt_us: time since the previous sample, 0 to `integer.motion.MAX_DT_US`.
     """
     u.gyro[:] = [_GYRO.fixed(w * RATE_SCALE) for w in w_b]
     u.gravity[:] = [_GRAVITY.fixed(part) for part in gravity]
@@ -144,9 +144,9 @@ class ConstantGainFilter:
         if dt_us < 0:
             raise ValueError("samples go forward in time")
         self._t_us = sample.t_us
-        while dt_us > MOST_DT_US:
+        while dt_us > MAX_DT_US:
             self._coast(sample)
-            dt_us -= MOST_DT_US
+            dt_us -= MAX_DT_US
         self._fill(sample, dt_us)
         bits = self._step()
         if self._state.age_us < 0 and not bits & memory.DISAGREES:
@@ -174,7 +174,7 @@ class ConstantGainFilter:
     def _coast(self, sample: ImuSample) -> None:
         """Turns by the gyro alone for the longest step."""
         if self._state.age_us >= 0:
-            fill_sample(self._sample, sample.w_b, (0.0, 0.0, 0.0), None, MOST_DT_US)
+            fill_sample(self._sample, sample.w_b, (0.0, 0.0, 0.0), None, MAX_DT_US)
             self._step()
 
     def _estimate(self, sample: ImuSample, bits: int) -> AttitudeEstimate:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from h2nav.attitude.constant_gain.memory import (
     GAIN_LIMIT,
-    LEAST_BIAS_SHIFT,
-    LEAST_SHIFT,
-    MOST_BIAS_SHIFT,
-    MOST_SHIFT,
+    MAX_BIAS_SHIFT,
+    MAX_SHIFT,
+    MIN_BIAS_SHIFT,
+    MIN_SHIFT,
     Gains,
 )
 from h2nav.attitude.constant_gain.sensor_gains import sensor_gains
@@ -212,10 +212,7 @@ def integer_gains(gains: ConstantGains, place: str) -> ConstantIntegerGains:
     field = (_q14((1.0 - gains.gravity_weight) * cosine), _q14((1.0 - gains.gravity_weight) * sine))
     attitude, shift = _mantissas(gains.attitude, 2.0**14, f"{place}: attitude gain")
     bias, bias_shift = _mantissas(gains.bias, BIAS_UNIT / 2.0**15, f"{place}: bias gain")
-    if (
-        not LEAST_SHIFT <= shift <= MOST_SHIFT
-        or not LEAST_BIAS_SHIFT <= bias_shift <= MOST_BIAS_SHIFT
-    ):
+    if not MIN_SHIFT <= shift <= MAX_SHIFT or not MIN_BIAS_SHIFT <= bias_shift <= MAX_BIAS_SHIFT:
         raise BadInput(
             f"{place}: gains of {max(gains.attitude):g} rad, {max(gains.bias):g} rad/s per sample "
             "are outside the fixed-point format; expected a higher rate or a smaller bias walk"
@@ -233,7 +230,7 @@ def integer_gains(gains: ConstantGains, place: str) -> ConstantIntegerGains:
         accel_tolerance=round(FORCE_TOLERANCE * 2**26),
         mag_tolerance=round(FIELD_TOLERANCE * 2**26),
         dip_tolerance=round(DIP_TOLERANCE * 2**15),
-        boost=min(3, shift - LEAST_SHIFT, (bias_shift - LEAST_BIAS_SHIFT) // 2),
+        boost=min(3, shift - MIN_SHIFT, (bias_shift - MIN_BIAS_SHIFT) // 2),
         boost_shift=_boost_shift(gains),
     )
     assign(image, Gains, values(image, Gains))  # checks the ranges

@@ -5,7 +5,7 @@ The frame n is north-east-down with magnetic north. Formats: docs/fixed-point.md
 
 from dataclasses import dataclass
 
-from h2nav.attitude.integer.motion import BIAS_LIMIT, CARRY_LIMIT, MOST_DT_US
+from h2nav.attitude.integer.motion import BIAS_LIMIT, CARRY_LIMIT, MAX_DT_US
 from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
 from h2nav.attitude.record import integer, integers
 from h2nav.maths.fixedpoint import I32
@@ -20,14 +20,14 @@ SATURATED = 16  # a rate or the bias met its limit
 I32_MIN = -(1 << 31)
 I32_MAX = (1 << 31) - 1
 GAIN_LIMIT = 8400  # two products with a disagreement stay below 21000
-LEAST_SHIFT = 5
-LEAST_BIAS_SHIFT = 4
-MOST_SHIFT = 24
-MOST_BIAS_SHIFT = 26
+MIN_SHIFT = 5
+MIN_BIAS_SHIFT = 4
+MAX_SHIFT = 24
+MAX_BIAS_SHIFT = 26
 AGE_LIMIT_US = 1 << 30
 CONTRADICTED_LIMIT_US = 1000000
 SATURATIONS_LIMIT = 1 << 30
-TOLERANCE_MOST = 1 << 25
+TOLERANCE_MAX = 1 << 25
 
 
 @dataclass(slots=True)
@@ -63,11 +63,11 @@ class Gains:
     mag_weight_n: I32 = integer(-UNIT_Q14, UNIT_Q14, "", "weight of the field times mag_n", q=14)
     mag_weight_d: I32 = integer(-UNIT_Q14, UNIT_Q14, "", "weight of the field times mag_d", q=14)
     attitude_gain: list[I32] = integers(5, -GAIN_LIMIT, GAIN_LIMIT, "", "2^-(14 + attitude_shift)")
-    attitude_shift: I32 = integer(LEAST_SHIFT, MOST_SHIFT, "", "its shift")
+    attitude_shift: I32 = integer(MIN_SHIFT, MAX_SHIFT, "", "its shift")
     bias_gain: list[I32] = integers(5, -GAIN_LIMIT, GAIN_LIMIT, "", "mantissas of the bias gain")
-    bias_shift: I32 = integer(LEAST_BIAS_SHIFT, MOST_BIAS_SHIFT, "", "its shift")
-    accel_tolerance: I32 = integer(0, TOLERANCE_MOST, "", "of the squared norm of gravity", q=26)
-    mag_tolerance: I32 = integer(0, TOLERANCE_MOST, "", "of the squared norm of the field", q=26)
+    bias_shift: I32 = integer(MIN_BIAS_SHIFT, MAX_BIAS_SHIFT, "", "its shift")
+    accel_tolerance: I32 = integer(0, TOLERANCE_MAX, "", "of the squared norm of gravity", q=26)
+    mag_tolerance: I32 = integer(0, TOLERANCE_MAX, "", "of the squared norm of the field", q=26)
     dip_tolerance: I32 = integer(0, 1 << 16, "", "of the field's part down", q=15)
     boost: I32 = integer(0, 3, "", "a young gain is 2^boost times as high")
     boost_shift: I32 = integer(0, 28, "us", "halved every 2^boost_shift")
@@ -87,4 +87,4 @@ class Sample:
         3, -32768, 32767, "", "magnetic field over its expected norm; zeros for none", q=14
     )
     has_mag: I32 = integer(-1, 0, "", "-1: the sample brings a field; only the alignment asks")
-    dt_us: I32 = integer(0, MOST_DT_US, "us", "time since the sample before")
+    dt_us: I32 = integer(0, MAX_DT_US, "us", "time since the sample before")

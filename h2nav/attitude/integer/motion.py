@@ -13,7 +13,7 @@ R_LIMIT = 32767  # Q15
 RATE_LIMIT = 19241453  # 35 rad/s
 BIAS_LIMIT = 900719925  # 0.2 rad/s
 BIAS_BITS = 13  # of the bias below the resolution of the rate
-MOST_DT_US = 12500  # with RATE_LIMIT 0.22 half radians per step
+MAX_DT_US = 12500  # with RATE_LIMIT 0.22 half radians per step
 CARRY_LIMIT = 65000000  # 0.06 half radians
 NORM_Q26 = (1 << 26) - (1 << 15)  # the norm's target lies below one by what rounding may add
 THIRD_Q15 = 10923
@@ -91,7 +91,7 @@ def propagate(
         bias: gyro bias, half radians per microsecond, Q53.
         carry: correction and rest of a turn for the next step, half radians, Q30.
         gyro: angular rate, radians per microsecond, Q40.
-        dt_us: time since the sample before, at most MOST_DT_US.
+        dt_us: time since the sample before, at most MAX_DT_US.
         met: its first number becomes other than zero when a rate meets its limit.
 
     Source: docs/fixed-point.md Eq. (7) to (9).

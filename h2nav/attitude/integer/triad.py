@@ -6,7 +6,7 @@ Source: docs/fixed-point.md Eq. (10) to (12).
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 UNIT_Q14 = 1 << 14
-LEAST_NORM_Q26 = 1 << 24  # a quarter: the least squared norm that is scaled to one
+MIN_NORM_Q26 = 1 << 24  # a quarter: the least squared norm that is scaled to one
 VECTOR_LIMIT = 20480  # 1.25 in Q14
 UNIT_LIMIT = UNIT_Q14 + 64  # a unit vector after rounding
 Q_LIMIT = 32767 << 14  # Q29; rounds to 32767 in Q15
@@ -19,7 +19,7 @@ def inverse_root(norm: I32) -> I32:
     Source: docs/fixed-point.md Eq. (10).
     """
     root = 1 << 14
-    x = clamp(norm, LEAST_NORM_Q26, 3 << 25) >> 12
+    x = clamp(norm, MIN_NORM_Q26, 3 << 25) >> 12
     for _ in range(7):
         square = (root * root + 8192) >> 14
         rest = (3 << 14) - ((x * square + 8192) >> 14)
@@ -64,10 +64,10 @@ def triad(g: list[I32], f: list[I32], q: list[I32]) -> I32:
     scaled(g, inverse_root(squared(g)))
     cross(g, f, east)
     for _ in range(5):
-        if squared(east) < LEAST_NORM_Q26:
+        if squared(east) < MIN_NORM_Q26:
             for i in range(3):
                 east[i] = known(east[i] * 2, -VECTOR_LIMIT, VECTOR_LIMIT)  # shorter than a half
-    if squared(east) < LEAST_NORM_Q26:
+    if squared(east) < MIN_NORM_Q26:
         return 0
     scaled(east, inverse_root(squared(east)))
     cross(east, g, north)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import Quat, Vec3
-from h2nav.attitude.velocity_aided.heading_witness import KNOWN_RAD, LEAST_RATIO, MOST_RATIO
+from h2nav.attitude.velocity_aided.heading_witness import KNOWN_RAD, MAX_RATIO, MIN_RATIO
 from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 from h2nav.maths.quaternion import IDENTITY, conjugate, exp, multiply, rotate, to_matrix
 from h2nav.maths.units import DEG, GRAVITY_M_S2
@@ -23,11 +23,11 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 # A shorter window shows no tilt, and after the longer time the loop is more accurate.
 SHORTEST_S = 1.0
 LONGEST_S = 4.0
-FEWEST_FIXES = 4
+MIN_FIXES = 4
 # Length of the past for late fixes.
 PAST_LENGTH = 100
 # Horizontal size of force and field below which they give no heading.
-LEAST_ANGLE = 0.05
+MIN_ANGLE = 0.05
 # Of a heading from the field, through the tilt.
 FIELD_HEADING_RAD = 5.0 * DEG
 # 1, time, velocity north and east, gained velocity: all products of two.
@@ -122,7 +122,7 @@ class AirAlignment:
             sigma_m_s: deviation of a velocity.
         """
         length_s = (self._t_us - self._start_us) * 1e-6
-        if length_s < SHORTEST_S or self._sums[0] < FEWEST_FIXES:
+        if length_s < SHORTEST_S or self._sums[0] < MIN_FIXES:
             return None
         about_mean = _without(self._matrix(), 0)
         spread = about_mean[1][1]
@@ -180,7 +180,7 @@ class AirAlignment:
             tuple(v[i] - part * wanted[i] for i in range(3))
             for v, part in zip((shown, expected), along, strict=True)
         ]
-        if min(math.hypot(*v) for v in across) < LEAST_ANGLE:
+        if min(math.hypot(*v) for v in across) < MIN_ANGLE:
             return None
         a, b = across
         sine = sum(wanted[i] * (a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2]) for i in range(3))
@@ -239,7 +239,7 @@ def _turn_to_velocity(
     size = math.hypot(along, across)
     power = products[2][2] + products[3][3]
     sigma = math.sqrt((max(power - size * size / energy, 0.0) + noise) / energy)
-    if not (sigma < KNOWN_RAD and LEAST_RATIO < size / energy < MOST_RATIO):
+    if not (sigma < KNOWN_RAD and MIN_RATIO < size / energy < MAX_RATIO):
         return 0.0, math.inf
     # A heading turns about down, and the force points up.
     return math.atan2(-across, along), sigma

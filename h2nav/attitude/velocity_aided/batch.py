@@ -10,9 +10,9 @@ from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 from h2nav.attitude.velocity_aided.shell import (
     LONGEST_GAP_US,
-    MOST_FIELD_UT,
-    MOST_FORCE_M_S2,
-    MOST_RATE_RAD_S,
+    MAX_FIELD_UT,
+    MAX_FORCE_M_S2,
+    MAX_RATE_RAD_S,
     TRUST,
 )
 
@@ -79,10 +79,10 @@ class VelocityAidedBatch:
 def special_samples(samples: BatchSamples) -> Mask:
     """Samples that the filter, in floats or integers, does not pass to its kernel unchanged."""
     gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
-    plausible = sizes(samples.gyr) < MOST_RATE_RAD_S * (1.0 - 1e-9)
+    plausible = sizes(samples.gyr) < MAX_RATE_RAD_S * (1.0 - 1e-9)
     forces = sizes(samples.acc)
-    plausible &= forces < MOST_FORCE_M_S2 * (1.0 - 1e-9)
-    large = samples.has_field & ~(sizes(samples.mag) < MOST_FIELD_UT * (1.0 - 1e-9))
+    plausible &= forces < MAX_FORCE_M_S2 * (1.0 - 1e-9)
+    large = samples.has_field & ~(sizes(samples.mag) < MAX_FIELD_UT * (1.0 - 1e-9))
     special: Mask = ~plausible | large | (gaps > LONGEST_GAP_US)
     special[1:] |= ~plausible[:-1]  # time continues from the last sample used
     special |= forces == 0.0

@@ -27,9 +27,9 @@ KNOWN_RAD = 12.0 * DEG
 SHOWN_RAD = 30.0 * DEG
 OFF_SIGMAS = 2.0
 # Ratio of measured to felt velocity beyond which one of them is not this vehicle's velocity.
-LEAST_RATIO, MOST_RATIO = 0.6, 1.6
+MIN_RATIO, MAX_RATIO = 0.6, 1.6
 # Of a MEMS gyro's bias: its instability, and a minute of the fastest warm-up.
-LEAST_DRIFT_RAD_S, MOST_DRIFT_RAD_S = 0.01 * DEG, 0.5 * DEG
+MIN_DRIFT_RAD_S, MAX_DRIFT_RAD_S = 0.01 * DEG, 0.5 * DEG
 # Between two fixes the velocity changes as felt, except for the noise of both and a tilt.
 JUMP_SIGMAS, JUMP_M_S2 = 7.0, 5.0
 
@@ -196,13 +196,13 @@ class HeadingWitness:
             return None
         product, aged = self._product[best], self._aged[best]
         size = abs(product)
-        if not LEAST_RATIO < size / energy < MOST_RATIO:
+        if not MIN_RATIO < size / energy < MAX_RATIO:
             return None
         left = max(self._power - size * size / energy, 0.0) + self._noise
-        drift = drift_rad_s**2 + LEAST_DRIFT_RAD_S**2
+        drift = drift_rad_s**2 + MIN_DRIFT_RAD_S**2
         if aged > 0.0:
             # The corrections of the heading were right if the gyro has turned by as much.
-            drift += min(abs(self._turned_since[best]) / aged, MOST_DRIFT_RAD_S) ** 2
+            drift += min(abs(self._turned_since[best]) / aged, MAX_DRIFT_RAD_S) ** 2
         # The felt velocity has turned evenly since: by so much for each second of age.
         own = self._aged_twice[best] + left / (self._weight * drift)
         shared = aged * aged / energy

@@ -19,7 +19,7 @@ from .integer.units import ACCEL_UNIT_G, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD
 
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for
-MOST_REJECTED = 5  # fixes in a row that contradict the filter and not each other
+MAX_REJECTED = 5  # fixes in a row that contradict the filter and not each other
 ON_GROUND = 2.0  # in `Sample.rest_prior`
 TURNABLE = 3.0  # the same: on the ground, but motors run
 FORCE_LOST = 2.0  # in `Sample.clipped`: the rate is sure, and there is no force
@@ -31,11 +31,11 @@ HEADING_LOST = -2.0  # as mag_accepted_age_s: the next field gives the heading, 
 _B = BIAS_UNIT_RAD_S
 _H = HEADING_UNIT_RAD
 _A = ACCEL_UNIT_G
-_LEAST = 2.0**-20  # a variance stays positive: a filter that is certain learns nothing
-BIAS_VARIANCE = (28, _B * _B, _LEAST, 4.0)
+_MIN = 2.0**-20  # a variance stays positive: a filter that is certain learns nothing
+BIAS_VARIANCE = (28, _B * _B, _MIN, 4.0)
 BIAS_COVARIANCE = (28, _B * _B, -4.0, 4.0)
 BIAS_HEADING = (28, _B * _H, -4.0, 4.0)
-HEADING_VARIANCE = (28, _H * _H, _LEAST, 4.0)
+HEADING_VARIANCE = (28, _H * _H, _MIN, 4.0)
 BIAS_SUM = (28, _B, -2.0, 2.0)
 BIAS_SUM_VARIANCE = (28, _B * _B, 0.0, 4.0)
 BIAS_WALK = (28, _B * _B, 0.0, 0.01)  # five times the fastest warm-up of a MEMS gyro

@@ -28,11 +28,11 @@ from h2nav.validation import Within
 R = TypeVar("R")
 
 # Ends of the integers' formats; the translator proves the kernel for them.
-_THETA_MOST = (1 << 30) - 1
-_VARIANCE_LEAST = 256
-_LOG_MOST = 10240
-_LAG_MOST = 12500
-_MANTISSA_MOST = 32767
+_THETA_MAX = (1 << 30) - 1
+_VARIANCE_MIN = 256
+_LOG_MAX = 10240
+_LAG_MAX = 12500
+_MANTISSA_MAX = 32767
 
 
 class Timing(NamedTuple):
@@ -103,13 +103,13 @@ class Scaled(NamedTuple):
             return {f"{self.field}_m": 0.0}
         mantissa, exponent = math.frexp(value / self.per)
         return {
-            f"{self.field}_m": min(mantissa * 2.0**15, _MANTISSA_MOST),
+            f"{self.field}_m": min(mantissa * 2.0**15, _MANTISSA_MAX),
             f"{self.field}_s": float(-exponent),
         }
 
     def rows(self, about: str) -> list[Row]:
         """See `Fixed`."""
-        mantissa = integer(0, _MANTISSA_MOST, "", f"{about}: m 2^-(15 + s)")
+        mantissa = integer(0, _MANTISSA_MAX, "", f"{about}: m 2^-(15 + s)")
         shift = integer(0, 31, "", "its shift")
         return [named_row(f"{self.field}_m", mantissa), named_row(f"{self.field}_s", shift)]
 
@@ -195,7 +195,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("rest_noise_deg_s_rthz", "rest_noise", "rad^2/s",
               "(20): noise of the low-passed rate at rest",
               Within(0.0001, 10),
-              Fixed("log_rest_noise", -_LOG_MOST, _LOG_MOST, "log2 s", q=8,
+              Fixed("log_rest_noise", -_LOG_MAX, _LOG_MAX, "log2 s", q=8,
                     per=BIAS_UNIT_RAD_S**2, of=_log2),
               factor=DEG, power=2),
     Parameter("bias_limit_deg_s", "bias_limit", "rad/s",
@@ -206,13 +206,13 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("bias_start_deg_s", "bias_variance", "(rad/s)^2",
               "deviation of the unknown gyro bias at the start, and its limit",
               Within(0.001, 20),
-              Fixed("bias_variance", _VARIANCE_LEAST, _THETA_MOST, "", q=28,
+              Fixed("bias_variance", _VARIANCE_MIN, _THETA_MAX, "", q=28,
                     per=BIAS_UNIT_RAD_S**2),
               factor=DEG, power=2),
     Parameter("vertical_bias_start_deg_s", "vertical_bias_variance", "(rad/s)^2",
               "its largest value about body z without a field at the start",
               Within(0.001, 20),
-              Fixed("vertical_bias_variance", _VARIANCE_LEAST, _THETA_MOST, "", q=28,
+              Fixed("vertical_bias_variance", _VARIANCE_MIN, _THETA_MAX, "", q=28,
                     per=BIAS_UNIT_RAD_S**2, saturates=True),
               factor=DEG, power=2, absent=20.0),
     Parameter("bias_walk_deg_s_rts", "bias_walk", "rad^2/s^3",
@@ -223,7 +223,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("heading_start_deg", "heading_variance", "rad^2",
               "deviation of the heading at the start, and its upper limit",
               Within(1, 60),
-              Fixed("heading_variance", _VARIANCE_LEAST, _THETA_MOST, "0.25 rad^2", q=28,
+              Fixed("heading_variance", _VARIANCE_MIN, _THETA_MAX, "0.25 rad^2", q=28,
                     per=HEADING_UNIT_RAD**2),
               factor=DEG, power=2),
     Parameter("gyro_noise_deg_s_rthz", "gyro_noise", "rad^2/s",
@@ -266,13 +266,13 @@ PARAMETERS: tuple[Parameter, ...] = (
               factor=1.0 / GRAVITY_M_S2, power=2),
     Parameter("bias_inflation", "bias_inflation", "",
               "colour of a bounded velocity's innovation (eta): larger learns more slowly, safely",
-              Within(1, 10000), Fixed("log_bias_inflation", 0, _LOG_MOST, "log2", q=8, of=_log2)),
+              Within(1, 10000), Fixed("log_bias_inflation", 0, _LOG_MAX, "log2", q=8, of=_log2)),
     Parameter("fix_inflation", "fix_inflation", "",
               "colour of the innovation of a measured velocity",
-              Within(1, 10000), Fixed("log_fix_inflation", 0, _LOG_MOST, "log2", q=8, of=_log2)),
+              Within(1, 10000), Fixed("log_fix_inflation", 0, _LOG_MAX, "log2", q=8, of=_log2)),
     Parameter("fix_gate_sigmas", "fix_gate", "",
               "gate on the innovation of a measured velocity",
-              Within(1, 100), Fixed("log_fix_gate", 0, _LOG_MOST, "log2", q=8, of=_log2), power=2),
+              Within(1, 100), Fixed("log_fix_gate", 0, _LOG_MAX, "log2", q=8, of=_log2), power=2),
     Parameter("fix_latency_start_s", "fix_lag_variance", "s^2",
               "deviation of the latency of fixes at the start; 0: not learnt",
               Within(0, 0.5),
@@ -280,7 +280,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("accel_bias_start_m_s2", "accel_variance", "g^2",
               "(36): deviation of the accelerometer's bias (s_a), a quarter of 60 mg; 0: none",
               Within(0, 2),
-              Fixed("accel_variance", 0, _THETA_MOST, "", q=28, per=ACCEL_UNIT_G**2),
+              Fixed("accel_variance", 0, _THETA_MAX, "", q=28, per=ACCEL_UNIT_G**2),
               factor=1.0 / GRAVITY_M_S2, power=2, absent=0.0),
     Parameter("accel_bias_walk_m_s2_rts", "accel_walk", "g^2/s",
               "(36): walk of the accelerometer's bias",
@@ -312,7 +312,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("start_factor", "start_factor", "s",
               "ramp of the gains at the start (c_st)",
               Within(0, 20),
-              Fixed("log_start_factor", -_LOG_MOST, _LOG_MOST, "log2 us", q=8, per=1e-6,
+              Fixed("log_start_factor", -_LOG_MAX, _LOG_MAX, "log2 us", q=8, per=1e-6,
                     of=_log2_of_one_or_more),
               ),
     Parameter("field_noise_deg_rthz", "mag_noise", "rad^2 s",
@@ -362,7 +362,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("field_latency_limit_s", "mag_lag_limit", "s",
               "(21): largest latency of the field",
               Within(0, 1),
-              Fixed("mag_lag_limit", 0, _LAG_MOST, "8 us", per=LAG_UNIT_S, saturates=True)),
+              Fixed("mag_lag_limit", 0, _LAG_MAX, "8 us", per=LAG_UNIT_S, saturates=True)),
 )
 # fmt: on
 

@@ -40,30 +40,30 @@ from h2nav.attitude.velocity_aided.heading_witness import (
     velocity_walk,
 )
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
-from h2nav.attitude.velocity_aided.velocity_aiding import LEAST_SIGMA_M_S, TimedFix, VelocityAiding
+from h2nav.attitude.velocity_aided.velocity_aiding import MIN_SIGMA_M_S, TimedFix, VelocityAiding
 from h2nav.maths.units import DEG
 
 # After a longer gap the filter aligns again; the bias is kept.
 LONGEST_GAP_S = 1.0
 LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 # Larger inputs are implausible.
-MOST_RATE_RAD_S = 200.0
-MOST_FORCE_M_S2 = 4000.0
-MOST_FIELD_UT = 1e6
+MAX_RATE_RAD_S = 200.0
+MAX_FORCE_M_S2 = 4000.0
+MAX_FIELD_UT = 1e6
 # Three axes below these are below those: comparisons cost a third of the sums.
-SURE_RATE_RAD_S, SURE_FORCE_M_S2 = 0.25 * MOST_RATE_RAD_S, 0.25 * MOST_FORCE_M_S2
-SURE_FIELD_UT = 0.25 * MOST_FIELD_UT
+SURE_RATE_RAD_S, SURE_FORCE_M_S2 = 0.25 * MAX_RATE_RAD_S, 0.25 * MAX_FORCE_M_S2
+SURE_FIELD_UT = 0.25 * MAX_FIELD_UT
 # Number of values of `VelocityAidedShell.state` before those of the kernel.
 HEAD_SIZE = 4
 # A larger bias turns the forces of a window in the air by more than the velocities can show.
 KNOWN_BIAS_RAD_S = 0.3 * DEG
 # Limit from an accelerometer's data sheet: 60 mg.
-MOST_ACCEL_BIAS_G = 0.06
+MAX_ACCEL_BIAS_G = 0.06
 # Deviation of a tilt that was not tracked for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
 # A heading that differs from that of the velocities by more deviations, and by more in total, is
 # doubted: iron may have bent the field. Of the regression this many of its own deviations count.
-DOUBT, LEAST_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
+DOUBT, MIN_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
 # A field that is refused for longer is weighed against the filter as if for the first time,
 HEARING_S = 10.0
 # if its norm and dip are the earth's: relative, and rad.
@@ -190,7 +190,7 @@ class VelocityAidedShell(ABC):
         if self._aiding.offer(fix, self._t_us) and self._air is not None:
             late_s = self.sensor_errors.fix_latency_s
             self._air.take(fix.t_us - late_s * 1e6, fix.v_n)
-            sigma_m_s = max(fix.sigma_m_s, LEAST_SIGMA_M_S)
+            sigma_m_s = max(fix.sigma_m_s, MIN_SIGMA_M_S)
             self._take_level(self._air.solve(self._attitude(), self._reference(), sigma_m_s))
 
     def doubt(self, doubt: SensorDoubt) -> None:
@@ -204,7 +204,7 @@ class VelocityAidedShell(ABC):
             self._witness.clear(HIGH_PASS_S)
         force = None
         if self._gained() is not None and g.accel_variance > 0.0:
-            a, b = (min((sigma / g.gravity) ** 2, MOST_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
+            a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
             force = (a, b)
         self._open_biases((x, y, z), force)
         if doubt.tilt_rad > 0.0:
@@ -465,7 +465,7 @@ class VelocityAidedShell(ABC):
     def _compare(self, seen: Heading, variance: float) -> None:
         """Confirms the heading by velocities, or doubts the field that gave it."""
         off, sigma = abs(seen.turn_rad), SHOWN * seen.sigma_rad
-        if off * off > DOUBT**2 * (variance + sigma**2) and off > LEAST_DOUBT_RAD:
+        if off * off > DOUBT**2 * (variance + sigma**2) and off > MIN_DOUBT_RAD:
             self._doubt_field()
         elif not seen.contradicts:
             self._confirm(max(off, sigma))
@@ -525,7 +525,7 @@ def is_plausible(w_b: Vec3, f_b: Vec3) -> bool:
     is_slow = -most < p < most and -most < q < most and -most < r < most
     if is_slow and -large < x < large and -large < y < large and -large < z < large:
         return True
-    return abs(p) + abs(q) + abs(r) < MOST_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MOST_FORCE_M_S2
+    return abs(p) + abs(q) + abs(r) < MAX_RATE_RAD_S and abs(x) + abs(y) + abs(z) < MAX_FORCE_M_S2
 
 
 def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
@@ -536,4 +536,4 @@ def is_plausible_field(m_b_ut: Vec3 | None) -> bool:
     sure = SURE_FIELD_UT
     if -sure < x < sure and -sure < y < sure and -sure < z < sure:
         return True
-    return abs(x) + abs(y) + abs(z) < MOST_FIELD_UT
+    return abs(x) + abs(y) + abs(z) < MAX_FIELD_UT

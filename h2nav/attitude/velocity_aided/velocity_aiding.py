@@ -14,7 +14,7 @@ OLDEST_S = 0.8
 EARLIEST_S = 0.1
 WORST_SIGMA_M_S = 3.0
 # Best accuracy of a receiver, whatever it states.
-LEAST_SIGMA_M_S = 0.05
+MIN_SIGMA_M_S = 0.05
 FASTEST_M_S = 1000.0
 # This many fixes in a row, no further apart than this, switch aiding on; without one it goes off.
 FIXES_TO_START = 3
@@ -116,7 +116,7 @@ class VelocityAiding:
             then,
             ((then[0] - before[0]) / RATE_S, (then[1] - before[1]) / RATE_S),
             earlier,
-            max(fix.sigma_m_s, LEAST_SIGMA_M_S) ** 2,
+            max(fix.sigma_m_s, MIN_SIGMA_M_S) ** 2,
             self._period_s,
         )
 

@@ -15,7 +15,7 @@ from h2nav.recordings.listener import UNKNOWN, Listener, Stretch
 from h2nav.recordings.reference import Pairs, Reference
 from h2nav.recordings.trials import FilterInput, Trial, usual_rate_hz
 
-LEAST_SAMPLES = 2
+MIN_SAMPLES = 2
 
 
 def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
@@ -29,7 +29,7 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
     """
     stretch = max(listener.stretches, key=len)
     samples = stretch.samples
-    if len(samples) < LEAST_SAMPLES:
+    if len(samples) < MIN_SAMPLES:
         raise BadInput(f"{path}: no IMU samples of a known autopilot in it")
     boot_us = np.array([sample.t_us for sample in samples])
     start_us = int(boot_us[0])

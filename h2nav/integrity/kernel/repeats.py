@@ -47,9 +47,9 @@ SENSOR_DISPERSION = 30.0
 # How one axis moves relative to the others depends on the manoeuvre, which lasts.
 AXIS_DISPERSION = 100.0
 # A vehicle changes: the number of values, and of runs among them, counts no further.
-MOST_SEEN = 1e6
+MAX_SEEN = 1e6
 # Of a run to the longest one.
-LEAST_RATIO = 5.0
+MIN_RATIO = 5.0
 # Of what the neighbour moved before.
 ALIVE = 0.5
 SENSOR_US = 80e3
@@ -74,7 +74,7 @@ def repeats(s: Memory, channel: int, same: int, counts: float, around: float, mo
     if same == 0:
         end_run(s, channel)
         at = place(channel, turning, counts)
-        if s.seen[at] < MOST_SEEN:
+        if s.seen[at] < MAX_SEEN:
             s.seen[at] = s.seen[at] + 1.0
         return 0
     if s.accused[channel] > 0.0:
@@ -114,7 +114,7 @@ def end_run(s: Memory, channel: int) -> None:
 def remember(s: Memory, channel: int, of: int) -> None:
     """Adds a run of one channel to the experience of another, or of the same."""
     at = place(of, s.run_turning[channel], s.run_counts[channel])
-    if s.seen[at] < MOST_SEEN:
+    if s.seen[at] < MAX_SEEN:
         s.runs[at] = s.runs[at] + 1.0
     if s.run[channel] > s.longest[at]:
         s.longest[at] = s.run[channel]
@@ -184,8 +184,8 @@ def evidence_by(s: Memory, at: int, run: float, dispersion: float) -> float:
     by_values = longer * math.log(seen / (1.0 + s.runs[at]))
     if by_values > of_longer:
         of_longer = by_values
-    if of_longer > ENOUGH / LEAST_RATIO:
-        of_longer = ENOUGH / LEAST_RATIO
+    if of_longer > ENOUGH / MIN_RATIO:
+        of_longer = ENOUGH / MIN_RATIO
     return of_longer * run / longer
 
 

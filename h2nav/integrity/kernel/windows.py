@@ -15,7 +15,7 @@ SLOW_US = 25e3
 SECOND_DIFFERENCE = 6.0
 JUDGED_US = 200e3
 ROW_US = 1e6
-FEWEST_FIELDS = 3.0
+MIN_FIELDS = 3.0
 
 
 def follow(s: Memory, g: Gains, sample: Sample) -> int:
@@ -121,7 +121,7 @@ def sum_field(s: Memory, g: Gains, sample: Sample) -> int:
     if sample.t_us - s.began_us < ROW_US:
         return 0
     bits = THIN_ROW
-    if s.fields >= FEWEST_FIELDS:
+    if s.fields >= MIN_FIELDS:
         bits = ROW
         for i in range(3):
             s.row_field_s[i] = s.sum_s[i]

@@ -19,7 +19,7 @@ from h2nav.reviews.pictures.timeline import own_rows
 from h2nav.reviews.pictures.vehicle import demand
 from h2nav.reviews.standstill import LARGE_RAD_S
 
-MOST_ESTIMATORS = 4
+MAX_ESTIMATORS = 4
 FULL_TURN_DEG = 360.0
 # So large a share of it is all of it.
 MOSTLY = 0.9
@@ -122,7 +122,7 @@ def attitude_lines(
 def _voices(flight: Flight) -> list[_Voice]:
     voices = [
         _Voice(track.name, colours.of(colours.AUTOPILOT, number), track.t_s, track.q_nb)
-        for number, track in enumerate(flight.context.attitudes[:MOST_ESTIMATORS])
+        for number, track in enumerate(flight.context.attitudes[:MAX_ESTIMATORS])
     ]
     surest = flight.estimates if flight.smoothed is None else flight.smoothed
     for name, colour, ours in (
@@ -177,7 +177,7 @@ def _bounded(sigma_rad: Array) -> Array:
 
 def difference(flight: Flight) -> Section:
     """The others minus ours, with three deviations."""
-    found = differences(flight)[: MOST_ESTIMATORS + 1]
+    found = differences(flight)[: MAX_ESTIMATORS + 1]
     if not found:
         return Section("difference", "Autopilot against h2nav", ())
     columns = Columns(flight.context.duration_s, FINE)

@@ -9,7 +9,7 @@ from h2nav.recordings.context import Array
 FINE, COARSE = 3000, 1000
 # A gap between samples longer than this many usual ones, and than this, stays a gap.
 USUAL_STEPS = 5.0
-LEAST_BREAK_S = 0.5
+MIN_BREAK_S = 0.5
 
 
 def shown_s(duration_s: float) -> float:
@@ -77,7 +77,7 @@ class Columns:
         if len(t_s) == 1:
             return np.full(2 * self.count, np.nan)
         steps = np.diff(t_s)
-        longest_s = max(USUAL_STEPS * float(np.median(steps)), LEAST_BREAK_S)
+        longest_s = max(USUAL_STEPS * float(np.median(steps)), MIN_BREAK_S)
         after = np.searchsorted(t_s, self.t_s)
         is_inside = (after > 0) & (after < len(t_s))
         after = np.clip(after, 1, len(t_s) - 1)

@@ -13,12 +13,12 @@ BEFORE_S, AFTER_S = 15.0, 5.0
 # An impact this soon after a loss of control belongs to the same event.
 SAME_EVENT_S = 15.0
 COLUMNS = 500
-MOST_EVENTS = 4
+MAX_EVENTS = 4
 
 
 def event(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     """The first event, and the others on demand."""
-    stacks = [_stack(flight, group) for group in _events(findings)[:MOST_EVENTS]]
+    stacks = [_stack(flight, group) for group in _events(findings)[:MAX_EVENTS]]
     return Section(
         "event",
         stacks[0].title if stacks else "",

@@ -10,7 +10,7 @@ from h2nav.reviews.tracks import Spectrum
 
 # White is this much quieter than black.
 RANGE_DB = 50.0
-MOST_MARKS = 4
+MAX_MARKS = 4
 
 
 def spectra(analysis: Analysis) -> Section:
@@ -69,7 +69,7 @@ def _mean(spectrum: Spectrum) -> Curves:
     )
     marks = tuple(
         PictureMark(peak.frequency_hz, f"{peak.frequency_hz:.0f} Hz")
-        for peak in spectrum.peaks[:MOST_MARKS]
+        for peak in spectrum.peaks[:MAX_MARKS]
     )
     return Curves(
         f"Mean spectrum: {_name(spectrum)}",

@@ -9,9 +9,9 @@ from h2nav.reviews.pictures.picture import PictureRow, PictureRows, Section
 
 _STATES = {"active": colours.GOOD, "degraded": colours.BAD, "aligning": colours.DOUBTFUL}
 # Limit for recordings with more spans than a picture can show.
-MOST_SPANS = 500
-MOST_FINDING_ROWS = 4
-MOST_MARKS = 12
+MAX_SPANS = 500
+MAX_FINDING_ROWS = 4
+MAX_MARKS = 12
 # Findings of a moment, marked in every picture.
 MOMENTS = {
     "crash": "impact",
@@ -23,7 +23,7 @@ MOMENTS = {
 
 def mode_backdrop(flight: Flight) -> list[tuple[float, float, str, str]]:
     """From, to, name and pale colour of every flight mode, as background of the pictures."""
-    spans = flight.context.modes[:MOST_SPANS]
+    spans = flight.context.modes[:MAX_SPANS]
     return [
         (*span, colour) for span, colour in zip(spans, _by_name(spans, colours.MODES), strict=True)
     ]
@@ -39,7 +39,7 @@ def marks(flight: Flight, findings: tuple[Finding, ...]) -> list[tuple[float, st
     reported = [
         (fault.t_s, fault.text, colours.REPORTED) for fault in flight.context.faults if fault.code
     ]
-    return sorted(found[:MOST_MARKS] + reported[:MOST_MARKS])
+    return sorted(found[:MAX_MARKS] + reported[:MAX_MARKS])
 
 
 def vehicle_rows(flight: Flight) -> list[PictureRow]:
@@ -60,7 +60,7 @@ def vehicle_rows(flight: Flight) -> list[PictureRow]:
 def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
     """The vehicle's time line as one picture."""
     context = flight.context
-    rows = _found(findings[:MOST_SPANS])
+    rows = _found(findings[:MAX_SPANS])
     rows += vehicle_rows(flight)
     rows.append(_row("autopilot's estimator", context.primary))
     picture = PictureRows(
@@ -73,19 +73,19 @@ def timeline(flight: Flight, findings: tuple[Finding, ...]) -> Section:
 
 def own_rows(flight: Flight) -> PictureRows:
     """h2nav itself: its state, its aids, its tests."""
-    states = flight.states[:MOST_SPANS]
+    states = flight.states[:MAX_SPANS]
     rows = [
         _row("IMU that h2nav used", flight.lanes),
         PictureRow("h2nav", states, tuple(_state(span.name) for span in states)),
     ]
     for name in dict.fromkeys(span.name for span in flight.held):
-        spans = tuple(span for span in flight.held if span.name == name)[:MOST_SPANS]
+        spans = tuple(span for span in flight.held if span.name == name)[:MAX_SPANS]
         rows.append(PictureRow(f"held by {name}", spans, (colours.GOOD,) * len(spans)))
     rows += [
         PictureRow(
             f"tested: {GROUPS[group]}",
-            spans[:MOST_SPANS],
-            (colours.GOOD,) * len(spans[:MOST_SPANS]),
+            spans[:MAX_SPANS],
+            (colours.GOOD,) * len(spans[:MAX_SPANS]),
         )
         for group, spans in aids(flight).items()
     ]
@@ -120,9 +120,9 @@ def _airborne(flight: Flight) -> tuple[Span, ...]:
 def _moments(flight: Flight) -> list[PictureRow]:
     """Moments: warnings in words, events, changed parameters."""
     context = flight.context
-    warnings = [said for said in context.said if said.severity <= Severity.WARNING][:MOST_SPANS]
-    occurrences = context.occurrences[:MOST_SPANS]
-    changes = context.changes[:MOST_SPANS]
+    warnings = [said for said in context.said if said.severity <= Severity.WARNING][:MAX_SPANS]
+    occurrences = context.occurrences[:MAX_SPANS]
+    changes = context.changes[:MAX_SPANS]
     return [
         PictureRow(
             "autopilot says",
@@ -154,8 +154,8 @@ def _reported(flight: Flight) -> list[PictureRow]:
     return [
         PictureRow(
             f"autopilot reports: {subsystem.replace('_', ' ')}",
-            tuple(row[:MOST_SPANS]),
-            (colours.BAD,) * len(row[:MOST_SPANS]),
+            tuple(row[:MAX_SPANS]),
+            (colours.BAD,) * len(row[:MAX_SPANS]),
         )
         for subsystem, row in spans.items()
         if row
@@ -169,7 +169,7 @@ def _found(findings: tuple[Finding, ...]) -> list[PictureRow]:
         free = [row for row in rows if all(_is_apart(one, other) for other in row)]
         if free:
             free[0].append(one)
-        elif len(rows) < MOST_FINDING_ROWS:
+        elif len(rows) < MAX_FINDING_ROWS:
             rows.append([one])
     for row in rows:
         row.sort(key=lambda one: one.from_s)
@@ -188,7 +188,7 @@ def _is_apart(one: Finding, other: Finding) -> bool:
 
 
 def _row(label: str, spans: tuple[Span, ...]) -> PictureRow:
-    return PictureRow(label, spans[:MOST_SPANS], _by_name(spans[:MOST_SPANS], colours.BARS))
+    return PictureRow(label, spans[:MAX_SPANS], _by_name(spans[:MAX_SPANS], colours.BARS))
 
 
 def _by_name(spans: tuple[Span, ...], palette: tuple[str, ...]) -> tuple[str, ...]:

@@ -16,16 +16,16 @@ from h2nav.reviews.pictures.picture import Lines, Section, Trace
 from h2nav.reviews.pictures.timeline import MOMENTS, marks, mode_backdrop
 
 EARTH_RADIUS_M = 6371008.8
-PARTS, MOST_POINTS = 90, 1800
-SIZE, MARGIN, LEAST_HEIGHT = 700.0, 60.0, 260.0
+PARTS, MAX_POINTS = 90, 1800
+SIZE, MARGIN, MIN_HEIGHT = 700.0, 60.0, 260.0
 # Fixes farther out than this, in spans of the middle of the flight, are not drawn.
 FAR_SPANS = 4.0
-LEAST_SPAN_M = 20.0
-LEAST_WIND_M_S = 0.3
+MIN_SPAN_M = 20.0
+MIN_WIND_M_S = 0.3
 LABEL_HEIGHT, LABEL_WIDTH = 16.0, 150.0
-MOST_FINDINGS = 20
+MAX_FINDINGS = 20
 # The receiver must still, or again, have a position within this time.
-MOST_FIX_AGE_S = 5.0
+MAX_FIX_AGE_S = 5.0
 CAME_DOWN = (MOMENTS["crash"], MOMENTS["hard_landing"])
 
 
@@ -119,9 +119,9 @@ def _is_usable(gps: GpsTrack) -> np.ndarray:
 
 
 def _local(gps: GpsTrack) -> _Path:
-    """At most `MOST_POINTS`, evenly spaced."""
+    """At most `MAX_POINTS`, evenly spaced."""
     places = np.flatnonzero(_is_usable(gps))
-    places = places[:: max(1, len(places) // MOST_POINTS)]
+    places = places[:: max(1, len(places) // MAX_POINTS)]
     latitude, longitude = (
         np.radians(gps.latitude_deg[places]),
         np.radians(gps.longitude_deg[places]),
@@ -152,15 +152,15 @@ class _View:
             np.percentile([east, north], 2, axis=1),
             np.percentile([east, north], 98, axis=1),
         )
-        middle, reach = 0.5 * (low + high), FAR_SPANS * max(float((high - low).max()), LEAST_SPAN_M)
+        middle, reach = 0.5 * (low + high), FAR_SPANS * max(float((high - low).max()), MIN_SPAN_M)
         is_near = (np.abs(east - middle[0]) < reach) & (np.abs(north - middle[1]) < reach)
         self.beyond = int(np.count_nonzero(~is_near))
         near = np.array([east[is_near], north[is_near]])
         low, high = near.min(axis=1), near.max(axis=1)
         self._middle = 0.5 * (low + high)
-        self.per_m = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), LEAST_SPAN_M)
+        self.per_m = (SIZE - 2.0 * MARGIN) / max(float((high - low).max()), MIN_SPAN_M)
         north_m = float((high - low)[1])
-        self.height = max(north_m * self.per_m + 2.0 * MARGIN, LEAST_HEIGHT)
+        self.height = max(north_m * self.per_m + 2.0 * MARGIN, MIN_HEIGHT)
 
     def points(self, path: _Path, first: int, last: int) -> str:
         """Of an SVG line, both ends included."""
@@ -228,7 +228,7 @@ def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _
 def _marked(path: _Path, view: _View, findings: tuple[Finding, ...]) -> list[str]:
     """Findings that do not concern the whole flight, below the track."""
     parts = []
-    label = [one for one in findings if one.severity <= Severity.WARNING][:MOST_FINDINGS]
+    label = [one for one in findings if one.severity <= Severity.WARNING][:MAX_FINDINGS]
     for one in label:
         if one.to_s - one.from_s > 0.8 * (path.t_s[-1] - path.t_s[0]):
             continue
@@ -283,7 +283,7 @@ def _described(path: _Path, view: _View, met: tuple[GroundContact, ...]) -> str:
 
 def _is_shown(path: _Path, t_s: float) -> bool:
     """Whether the receiver had a position around then."""
-    return bool(path.t_s[0] - MOST_FIX_AGE_S <= t_s <= path.t_s[-1] + MOST_FIX_AGE_S)
+    return bool(path.t_s[0] - MAX_FIX_AGE_S <= t_s <= path.t_s[-1] + MAX_FIX_AGE_S)
 
 
 def _label(x: float, y: float, text: str) -> str:
@@ -323,7 +323,7 @@ def wind(flight: Flight) -> Section:
     speed = np.hypot(north, east)
     comes_from = np.degrees(np.arctan2(-east, -north)) % 360.0
     # A wind of next to nothing has no direction.
-    comes_from = np.where(speed >= LEAST_WIND_M_S, comes_from, np.nan)
+    comes_from = np.where(speed >= MIN_WIND_M_S, comes_from, np.nan)
     about = "The autopilot's estimate, which needs airspeed or manoeuvres to be right."
     pictures = tuple(
         one
@@ -356,7 +356,7 @@ def _wind(flight: Flight) -> list[str]:
         return []
     north, east = np.nanmedian(wind.values[:, 0]), np.nanmedian(wind.values[:, 1])
     speed = float(np.hypot(north, east))
-    if not np.isfinite(speed) or speed < LEAST_WIND_M_S:
+    if not np.isfinite(speed) or speed < MIN_WIND_M_S:
         return []
     # The air moves in this direction; pilots name the origin of the wind.
     angle = float(np.degrees(np.arctan2(east, north)))

@@ -11,9 +11,9 @@ from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
 from h2nav.reviews.pictures.grounds import GroundContact
 from h2nav.reviews.pictures.picture import Dash, Lines, Picture, Section, Trace
 
-MOST_MOTORS = 12
+MAX_MOTORS = 12
 # Voltage up to this means that it was not measured.
-LEAST_VOLTAGE_V = 1.0
+MIN_VOLTAGE_V = 1.0
 # Length over which the heights of barometer and estimate are aligned.
 BEGIN_S = 2.0
 _ANGLES = ("roll", "pitch", "heading")
@@ -99,7 +99,7 @@ def motor_lines(context: Context, columns: Columns) -> Lines:
     motors = context.motors
     if motors is not None and len(motors.t_s):
         share = 100.0 * motors.share()
-        for column, number in enumerate(motors.numbers[:MOST_MOTORS]):
+        for column, number in enumerate(motors.numbers[:MAX_MOTORS]):
             traces += _motor(columns, number, motors.t_s, share[:, column])
     throttle = context.throttle
     if throttle is not None and len(throttle.t_s):
@@ -125,7 +125,7 @@ def motors(flight: Flight) -> Section:
     columns = Columns(context.duration_s, FINE // 2)
     speeds = [
         trace
-        for one in context.escs[:MOST_MOTORS]
+        for one in context.escs[:MAX_MOTORS]
         for trace in _motor(columns, one.number, one.t_s, one.rpm)
     ]
     pictures = (
@@ -142,7 +142,7 @@ def voltage_lines(context: Context, columns: Columns) -> Lines:
     traces = [
         trace
         for one in context.batteries
-        if np.nanmax(np.append(one.voltage_v, 0.0)) > LEAST_VOLTAGE_V
+        if np.nanmax(np.append(one.voltage_v, 0.0)) > MIN_VOLTAGE_V
         for trace in traces_of(
             columns,
             (

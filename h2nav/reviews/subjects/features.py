@@ -22,10 +22,10 @@ from h2nav.reviews.subjects import compass, receiver, touchdown, vibration
 
 # A hover: level, without climb and speed, for this long in total.
 HOVER_RAD, HOVER_CLIMB_M_S, HOVER_M_S, HOVER_S = 12.0 * DEG, 0.5, 2.0, 10.0
-FEWEST_ROWS = 20
+MIN_ROWS = 20
 # The battery's resistance: by changes of the current within windows, in which its charge is the
 # same, where they are large and explain those of the voltage.
-SAG_WINDOW_S, SAG_LEAST_A, SAG_EXPLAINED = 20.0, 1.0, 0.5
+SAG_WINDOW_S, SAG_MIN_A, SAG_EXPLAINED = 20.0, 1.0, 0.5
 MEASURED_V = 1.0
 MICRO = 1e-6
 # A slower receiver stands still.
@@ -132,11 +132,11 @@ def _shaken(evidence: FlightEvidence) -> Named:
         level = np.linalg.norm(track.level.reshape(len(track.t_s), -1), axis=1)
         yield (
             f"imu_{track.imu + 1}_vibration_m_s2",
-            _median(level[_at(bins, flies, track.t_s)], FEWEST_ROWS),
+            _median(level[_at(bins, flies, track.t_s)], MIN_ROWS),
         )
     for warm in context.temperatures:
         here = warm.temperature_degc[_at(bins, flies, warm.t_s)]
-        yield f"imu_{warm.imu + 1}_temperature_degc", _median(here, FEWEST_ROWS)
+        yield f"imu_{warm.imu + 1}_temperature_degc", _median(here, MIN_ROWS)
 
 
 def _lines(evidence: FlightEvidence) -> Named:
@@ -147,7 +147,7 @@ def _lines(evidence: FlightEvidence) -> Named:
     if bins is None:
         return
     rates_hz = [
-        _median(esc.rpm[_at(bins, flies, esc.t_s)], FEWEST_ROWS) / 60.0
+        _median(esc.rpm[_at(bins, flies, esc.t_s)], MIN_ROWS) / 60.0
         for esc in evidence.of(parts.recorded).escs
     ]
     known = [rate for rate in rates_hz if math.isfinite(rate) and rate > 0.0]
@@ -221,7 +221,7 @@ def _receivers(evidence: FlightEvidence) -> Named:
     for shown, _ in evidence.of(receiver.receivers):
         # The change of a velocity has the noise of two, in two axes: their median length.
         size = np.linalg.norm(shown.difference_n[:, :2], axis=1)
-        noise = _median(size, FEWEST_ROWS) / math.sqrt(2.0 * 2.0 * math.log(2.0))
+        noise = _median(size, MIN_ROWS) / math.sqrt(2.0 * 2.0 * math.log(2.0))
         yield f"gps_{shown.receiver + 1}_velocity_noise_m_s", noise
         yield f"gps_{shown.receiver + 1}_delay_s", shown.lag_s
 
@@ -241,7 +241,7 @@ def resistance_ohm(battery: Battery, context: Context) -> float:
     good = np.isfinite(battery.current_a) & (battery.voltage_v > MEASURED_V)
     good &= within(battery.t_s, context.armed)
     window = np.floor(battery.t_s[good] / SAG_WINDOW_S).astype(np.int64)
-    if len(window) < FEWEST_ROWS:
+    if len(window) < MIN_ROWS:
         return math.nan
     _, place = np.unique(window, return_inverse=True)
     counts = np.bincount(place)
@@ -250,7 +250,7 @@ def resistance_ohm(battery: Battery, context: Context) -> float:
         for values in (battery.voltage_v[good], battery.current_a[good])
     ]
     volts, amperes = apart
-    if float(np.std(amperes)) < SAG_LEAST_A:
+    if float(np.std(amperes)) < SAG_MIN_A:
         return math.nan
     sag = -float(volts @ amperes) / float(amperes @ amperes)
     explained = sag * -float(volts @ amperes) / max(float(volts @ volts), 1e-12)

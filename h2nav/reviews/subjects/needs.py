@@ -9,7 +9,7 @@ from h2nav.reviews.supply import BATTERY, reported
 # A blow lasts for some 20 ms; a vehicle itself moves with up to 5 Hz, and a vibration is what is
 # left of neighbouring samples.
 BLOW_HZ, SHAKEN_HZ = 45.0, 20.0
-FEWEST_SOURCES = 2
+MIN_SOURCES = 2
 
 
 def times(evidence: FlightEvidence) -> str:
@@ -85,7 +85,7 @@ def fix(evidence: FlightEvidence) -> str:
 def impact(evidence: FlightEvidence) -> str:
     """Samples quick enough for a blow, or two sources of vertical speed."""
     rate = evidence.of(parts.rate_hz)
-    if rate >= BLOW_HZ or len(evidence.of(parts.vertical)) >= FEWEST_SOURCES:
+    if rate >= BLOW_HZ or len(evidence.of(parts.vertical)) >= MIN_SOURCES:
         return ""
     return f"{rate:.0f} samples a second show no blow, and two heights were not logged"
 

@@ -5,8 +5,8 @@ import pytest
 
 from h2nav.airframes.features import FEATURES, FlightRow, airframe_id, named, row_of_document
 from h2nav.airframes.trend import (
-    FEWEST_EARLIER,
-    MOST_EARLIER,
+    MAX_EARLIER,
+    MIN_EARLIER,
     STEP_FACTORS,
     departures,
     deviation_of,
@@ -132,7 +132,7 @@ def test_false_alarms_of_sound_series(tails, least, most_share):
             )
             for i, row in enumerate(100.0 * draws)
         ]
-        for i in range(FEWEST_EARLIER, len(flights)):
+        for i in range(MIN_EARLIER, len(flights)):
             judged += len(flights[i].features)
             wrong += len(departures(flights[:i], flights[i]))
     share = wrong / judged
@@ -144,7 +144,7 @@ def found_by(slope, flight, rng):
     """Whether a drift, in deviations per flight, is told by a flight."""
     values = 100.0 * (slope * np.arange(30) + rng.normal(size=30))
     flights = rows(values)
-    known = [departures(flights[:i], flights[i]) for i in range(FEWEST_EARLIER, flight)]
+    known = [departures(flights[:i], flights[i]) for i in range(MIN_EARLIER, flight)]
     return any(one.value > one.usual for each in known for one in each)
 
 
@@ -159,7 +159,7 @@ def test_when_drifts_are_found():
 
 
 def test_factors_fall_with_the_flights_known():
-    assert len(STEP_FACTORS) == MOST_EARLIER - FEWEST_EARLIER + 1
+    assert len(STEP_FACTORS) == MAX_EARLIER - MIN_EARLIER + 1
     assert min(STEP_FACTORS) > 3.0
 
 

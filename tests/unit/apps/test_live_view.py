@@ -10,7 +10,7 @@ from simulated_flight import SimulatedFlight
 
 from h2nav.apps import extras, live_view
 from h2nav.apps.configuration import Configuration, LiveSettings, build, warnings
-from h2nav.apps.live_view import LOOK_NS, MOST_REFUSED, LiveView
+from h2nav.apps.live_view import LOOK_NS, MAX_REFUSED, LiveView
 from h2nav.errors import BadInput
 from h2nav.integrity.findings import Alarm, Findings, Kind, Sensor, SensorKind, Severity
 from h2nav.links.live_feed import FeedReader, Word
@@ -198,7 +198,7 @@ def test_one_that_reads_no_more_is_ended_and_another_started(beside):
     assert beside.started[0].was_killed
     beside.run(2.0)
     assert len(beside.started) == 2
-    assert beside.view.feed.refused < MOST_REFUSED
+    assert beside.view.feed.refused < MAX_REFUSED
 
 
 def test_one_that_talks_nonsense_is_ended(beside):

@@ -406,7 +406,7 @@ def test_the_deviation_is_less_than_either_unless_they_disagree() -> None:
     assert smoothing._share((0.02, False), (0.01, True), 1.0) == (1.0, 0.01)
     assert smoothing._share((0.02, False), (0.01, False), 1.0) == (0.0, 0.02)
     _, least = smoothing._share((1e-9, True), (0.0, True), 0.0)
-    assert least == smoothing.LEAST_SIGMA_RAD
+    assert least == smoothing.MIN_SIGMA_RAD
     share, unknown = smoothing._share((math.nan, True), (math.nan, True), 0.1)
     assert share == 0.5
     assert math.isnan(unknown)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from h2nav.attitude.integer import motion, triad
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.record import assign, row, rows, values
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.gains import integer_gains
@@ -24,9 +24,9 @@ from h2nav.attitude.velocity_aided.integer.kernel import (
     velocity,
 )
 from h2nav.attitude.velocity_aided.integer.memory import (
-    FORCE_MOST,
+    FORCE_MAX,
     GAINED_MASK,
-    VELOCITY_MOST,
+    VELOCITY_MAX,
     Gains,
     Sample,
     State,
@@ -79,9 +79,9 @@ def spin(rng: random.Random, memory: State, number: int) -> Sample:
     u = _still(rng, memory)
     for i in range(3):
         u.gyro[i] = rng.choice(SAMPLE_RANGES[i])
-        u.accel[i] = rng.choice((-FORCE_MOST, FORCE_MOST - 1, 0))
+        u.accel[i] = rng.choice((-FORCE_MAX, FORCE_MAX - 1, 0))
         u.mag[i] = rng.choice((-32768, 32767, 0))
-    u.dt_us = MOST_DT_US
+    u.dt_us = MAX_DT_US
     u.has_mag = number & 1
     return u
 
@@ -100,7 +100,7 @@ def aided(rng: random.Random, memory: State, number: int) -> Sample:
     u = _still(rng, memory)
     u.aided = 1
     u.has_fix = int(number % rng.choice((1, 5, 20)) == 0)
-    far = rng.choice((0, 100, 1 << 20, 1 << 26, VELOCITY_MOST))
+    far = rng.choice((0, 100, 1 << 20, 1 << 26, VELOCITY_MAX))
     u.fix_velocity_n = rng.randint(-far, far)
     u.fix_gained_n = rng.choice((memory.gained_n, rng.randint(0, GAINED_MASK)))
     u.fix_velocity_e = rng.randint(-far, far)
@@ -116,9 +116,9 @@ def aided(rng: random.Random, memory: State, number: int) -> Sample:
 def thrust(rng: random.Random, memory: State, number: int) -> Sample:
     """One force and one rate for long: velocity and sensitivities reach their limits."""
     u = _still(rng, memory)
-    u.accel[number // 100 % 3] = rng.choice((-1, 1)) * (FORCE_MOST - 1)
+    u.accel[number // 100 % 3] = rng.choice((-1, 1)) * (FORCE_MAX - 1)
     u.gyro[number // 200 % 3] = 38482906
-    u.dt_us = MOST_DT_US
+    u.dt_us = MAX_DT_US
     u.aided = number // 200 & 1
     return u
 
@@ -138,7 +138,7 @@ def circling(rng: random.Random, memory: State, number: int) -> Sample:
     u = _still(rng, memory)
     angle = 0.2 * number
     u.gyro[2] = round(0.2 / 12500 * 2.0**40)
-    u.dt_us = MOST_DT_US
+    u.dt_us = MAX_DT_US
     u.mag[0] = round(30000 * math.cos(angle))
     u.mag[1] = round(-30000 * math.sin(angle))
     u.has_mag = 1
@@ -155,8 +155,8 @@ def relaunched(rng: random.Random, memory: State, number: int) -> Sample:
     u.forward_speed = -32767 if part < 5 else 32767
     if part == 4:
         for i in range(2):
-            u.accel[i] = rng.choice((-FORCE_MOST, FORCE_MOST - 1))
-    u.dt_us = MOST_DT_US
+            u.accel[i] = rng.choice((-FORCE_MAX, FORCE_MAX - 1))
+    u.dt_us = MAX_DT_US
     return u
 
 

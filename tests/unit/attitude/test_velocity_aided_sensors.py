@@ -21,7 +21,7 @@ from velocity_flights import (
 )
 
 from h2nav.attitude.samples import ImuSample, SensorDoubt, Trust, Vec3, VehicleState
-from h2nav.attitude.velocity_aided.kernel.theta import MOST_WALK
+from h2nav.attitude.velocity_aided.kernel.theta import MAX_WALK
 from h2nav.maths import quaternion
 
 FORCE_BIAS = (0.3, -0.3)
@@ -101,7 +101,7 @@ def test_a_bias_that_moves_is_followed() -> None:
     # 0.14 to 0.19 deg/s with a constant walk.
     assert max(map(abs, lags)) < 0.08 * DEG
     usual = filter_.kernel_gains.bias_walk
-    assert all(usual < walk <= MOST_WALK for walk in filter_.kernel_state.bias_walk[:])
+    assert all(usual < walk <= MAX_WALK for walk in filter_.kernel_state.bias_walk[:])
 
 
 def test_a_bias_that_rests_walks_as_usual() -> None:

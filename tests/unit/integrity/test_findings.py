@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from h2nav.integrity.findings import (
-    MOST_FINDINGS,
+    MAX_FINDINGS,
     PAUSE_S,
     REPEAT_S,
     UPDATE_S,
@@ -100,9 +100,9 @@ def test_a_decided_verdict_stays_however_the_size_goes_on():
 
 def test_they_do_not_grow_without_bound():
     findings = Findings()
-    for number in range(MOST_FINDINGS + 7):
+    for number in range(MAX_FINDINGS + 7):
         findings.update(float(number), [alarm(Sensor(SensorKind.IMU, number))])
-    assert len(findings.all) == MOST_FINDINGS
+    assert len(findings.all) == MAX_FINDINGS
     assert findings.omitted == 7
 
 

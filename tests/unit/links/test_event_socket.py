@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from h2nav.errors import BadInput
-from h2nav.links.event_socket import MOST_CLIENTS, MOST_WAITING_BYTES, EventSocket
+from h2nav.links.event_socket import MAX_CLIENTS, MAX_WAITING_BYTES, EventSocket
 
 
 @pytest.fixture
@@ -48,21 +48,21 @@ def test_a_client_that_does_not_read_is_let_go_and_others_are_served(server, pat
         assert server.count == 2
         line = "x" * 65_535 + "\n"
         heard = 0
-        for _ in range(4 * MOST_WAITING_BYTES // len(line) + 20):
+        for _ in range(4 * MAX_WAITING_BYTES // len(line) + 20):
             server.say(line)
             heard += len(reading.recv(1 << 20))
         assert server.count == 1
-        assert heard > 2 * MOST_WAITING_BYTES
+        assert heard > 2 * MAX_WAITING_BYTES
         assert silent.fileno() > 0
 
 
 def test_there_are_no_more_clients_than_there_is_room_for(server, path):
-    clients = [connected(path) for _ in range(MOST_CLIENTS)]
+    clients = [connected(path) for _ in range(MAX_CLIENTS)]
     server.tend(list)
     with connected(path) as late:
         server.tend(list)
         assert late.recv(100) == b""
-    assert server.count == MOST_CLIENTS
+    assert server.count == MAX_CLIENTS
     for client in clients:
         client.close()
 

@@ -4,7 +4,7 @@ import pytest
 
 from h2nav.integrity.severity import Severity
 from h2nav.links.live_feed import (
-    MOST_ENTRIES,
+    MAX_ENTRIES,
     FeedLine,
     FeedReader,
     Greeting,
@@ -98,10 +98,10 @@ def test_a_reader_that_never_reads_costs_packets_and_no_time(ends):
 
 def test_one_turn_holds_so_much_and_no_more(ends):
     feed, reader = ends
-    for number in range(MOST_ENTRIES + 7):
+    for number in range(MAX_ENTRIES + 7):
         feed.record("/rejected", RejectionRecord("late", number), 0)
     feed.flush()
-    assert len(reader.entries()) == MOST_ENTRIES
+    assert len(reader.entries()) == MAX_ENTRIES
     assert feed.dropped == 7
 
 

@@ -8,7 +8,7 @@ import struct
 import pytest
 
 from h2nav.live import guard
-from h2nav.live.guard import MOST_CONNECTIONS, MOST_SAID_BYTES, Guard
+from h2nav.live.guard import MAX_CONNECTIONS, MAX_SAID_BYTES, Guard
 
 WAIT_S = 20.0
 MIB = 1 << 20
@@ -96,12 +96,12 @@ def test_what_is_said_passes_both_ways():
 def test_there_is_room_for_so_many_and_again_when_they_have_gone():
     async def check():
         async with guarded() as (echo, standing):
-            held = [await connect(standing) for _ in range(MOST_CONNECTIONS)]
+            held = [await connect(standing) for _ in range(MAX_CONNECTIONS)]
             for connection in held:
                 assert await answered(connection) == b"hello"
             for _ in range(200):
                 await hung_up(await connect(standing))
-            assert echo.connected == MOST_CONNECTIONS
+            assert echo.connected == MAX_CONNECTIONS
             assert await answered(held[0]) == b"hello"
             held[0][1].close()
             await hung_up(held[0])
@@ -133,7 +133,7 @@ def test_who_says_too_much_is_hung_up_on():
             flooding, other = await connect(standing), await connect(standing)
             assert await answered(flooding) == b"hello"
             with contextlib.suppress(ConnectionError):
-                flooding[1].write(bytes(2 * MOST_SAID_BYTES))
+                flooding[1].write(bytes(2 * MAX_SAID_BYTES))
                 await flooding[1].drain()
             await hung_up(flooding)
             assert await answered(other) == b"hello"
@@ -144,7 +144,7 @@ def test_who_says_too_much_is_hung_up_on():
 def test_a_little_at_a_time_may_go_on(monkeypatch):
     monkeypatch.setattr(guard, "PATIENCE_S", 0.01)
     monkeypatch.setattr(guard, "SAID_WITHIN_S", 0.01)
-    monkeypatch.setattr(guard, "MOST_SAID_BYTES", 100)
+    monkeypatch.setattr(guard, "MAX_SAID_BYTES", 100)
 
     async def check():
         async with guarded() as (_, standing):
@@ -178,14 +178,14 @@ def test_who_does_not_read_holds_the_server_back_and_no_memory():
 def test_a_connection_that_is_torn_down_ends_behind_too():
     async def check():
         async with guarded() as (echo, standing):
-            for _ in range(3 * MOST_CONNECTIONS):
+            for _ in range(3 * MAX_CONNECTIONS):
                 connection = await connect(standing)
                 assert await answered(connection) == b"hello"
                 raw = connection[1].get_extra_info("socket")
                 raw.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 connection[1].transport.abort()
                 await asyncio.sleep(0.01)
-            assert echo.connected == 3 * MOST_CONNECTIONS
+            assert echo.connected == 3 * MAX_CONNECTIONS
 
     asyncio.run(check())
 

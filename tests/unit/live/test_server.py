@@ -145,7 +145,7 @@ def test_the_stream_brings_attitudes_and_overviews(page):
 
 
 def test_one_viewer_too_many_is_told_so(page, monkeypatch):
-    monkeypatch.setattr(live_server, "MOST_VIEWERS", 1)
+    monkeypatch.setattr(live_server, "MAX_VIEWERS", 1)
     with listening(page) as connection:
         next(events(connection))
         assert exchange(page, "GET /events")[0] == 503
@@ -153,7 +153,7 @@ def test_one_viewer_too_many_is_told_so(page, monkeypatch):
 
 
 def test_one_connection_too_many_is_hung_up_on(page, monkeypatch):
-    monkeypatch.setattr(live_server, "MOST_CONNECTIONS", 2)
+    monkeypatch.setattr(live_server, "MAX_CONNECTIONS", 2)
     first, second = page.connect(), page.connect()
     with page.connect() as third:
         assert is_hung_up_on(third)

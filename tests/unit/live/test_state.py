@@ -96,8 +96,8 @@ def test_nothing_grows_without_bound(state):
         state.take("/finding", UNIX_NS, finding(id=f"vibration.imu1.{number}"))
         state.take("/rejected", UNIX_NS, RejectionRecord(f"reason {number}", 1))
         state.text(UNIX_NS, Severity.INFO, f"line {number}")
-    assert len(state.findings) == live_state.MOST_FINDINGS
-    assert len(state.texts) == live_state.MOST_TEXTS
+    assert len(state.findings) == live_state.MAX_FINDINGS
+    assert len(state.texts) == live_state.MAX_TEXTS
     assert state.texts[-1].text == "line 999"
-    assert len(list(state.all_of("/rejected"))) == live_state.MOST_CURRENT
+    assert len(list(state.all_of("/rejected"))) == live_state.MAX_CURRENT
     assert state.findings_begun == 1000

@@ -7,8 +7,8 @@ import pytest
 from log_limits import limits
 
 from h2nav.log.folder import (
-    LEAST_RUN_BYTES,
     MIB,
+    MIN_RUN_BYTES,
     left_over_logs,
     make_room,
     next_log_path,
@@ -81,4 +81,4 @@ def test_a_run_may_take_a_quarter_of_the_room(tmp_path: Path) -> None:
     without_end = limits(files=10_000, file_bytes=disk.total)
     assert run_budget(tmp_path, without_end) <= disk.total // 4
     full = limits(free_bytes=2 * disk.total)
-    assert run_budget(tmp_path, full) == LEAST_RUN_BYTES
+    assert run_budget(tmp_path, full) == MIN_RUN_BYTES

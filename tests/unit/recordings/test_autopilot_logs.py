@@ -32,7 +32,7 @@ from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.sim.imu_model import GyroSampling
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.deframer import Frame
-from h2nav.wire.imu import MOST_IMUS, ImuReading
+from h2nav.wire.imu import MAX_IMUS, ImuReading
 from h2nav.wire.position import GpsFix
 from h2nav.wire.vehicle import Heartbeat, LandedState, ParameterValue, StatusText, SystemTime
 
@@ -511,6 +511,6 @@ def test_damaged_logs_are_read_as_far_as_they_go(tmp_path: Path, is_ulog: bool) 
             assert envelope.t_ns >= before_ns
             before_ns = envelope.t_ns
             if isinstance(message, ImuReading):
-                assert 0 <= (message.imu or 0) < MOST_IMUS
+                assert 0 <= (message.imu or 0) < MAX_IMUS
                 assert all(map(math.isfinite, (*message.w_b, *message.f_b)))
         assert log.context().duration_s < 20.0

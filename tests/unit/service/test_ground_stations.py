@@ -1,6 +1,6 @@
 """Which ground stations have just come."""
 
-from h2nav.service.ground_stations import AWAY_NS, MOST_STATIONS, GroundStations
+from h2nav.service.ground_stations import AWAY_NS, MAX_STATIONS, GroundStations
 from h2nav.service.limits import SECOND_NS
 
 
@@ -17,4 +17,4 @@ def test_ids_that_somebody_invents_cost_little():
         stations.is_newcomer(k * SECOND_NS // 100, (k % 256, k // 256 % 256)) for k in range(10_000)
     ]
     assert sum(new) <= 2 + 100 * 0.1 + 1
-    assert len(stations._heard_ns) <= MOST_STATIONS
+    assert len(stations._heard_ns) <= MAX_STATIONS

@@ -1,5 +1,5 @@
 from h2nav.integrity.findings import Severity
-from h2nav.service.notices import MOST_CAUSES, MOST_REMINDERS, NOTICES_AT_ONCE, Notices
+from h2nav.service.notices import MAX_CAUSES, MAX_REMINDERS, NOTICES_AT_ONCE, Notices
 from h2nav.wire.outbound import STATUS_TEXT_CHUNKS, STATUS_TEXT_SIZE
 
 SECOND_NS = 1_000_000_000
@@ -29,7 +29,7 @@ def test_however_many_causes_there_are_the_lines_are_bounded():
         for effect in notices.report(i * SECOND_NS // 1000, Severity.INFO, f"cause {i}")
     ]
     assert len(told) <= NOTICES_AT_ONCE + 0.3 * 100 + 1
-    assert len(notices._reported) <= MOST_CAUSES
+    assert len(notices._reported) <= MAX_CAUSES
 
 
 def test_one_status_text_a_second_and_none_twice():
@@ -55,4 +55,4 @@ def test_who_comes_late_reads_the_worst_again():
     notices.report(0, Severity.WARNING, "degraded")
     assert texts_sent(notices, 0.0, 3.0) == ["h2nav: degraded"]
     notices.remind([(Severity.WARNING, f"text {number}") for number in range(9)])
-    assert texts_sent(notices, 3.0, 20.0) == [f"h2nav: text {k}" for k in range(MOST_REMINDERS)]
+    assert texts_sent(notices, 3.0, 20.0) == [f"h2nav: text {k}" for k in range(MAX_REMINDERS)]

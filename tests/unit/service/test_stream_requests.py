@@ -6,7 +6,7 @@ import random
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.service.stream_requests import MOST_PER_MINUTE, StreamRequests
+from h2nav.service.stream_requests import MAX_PER_MINUTE, StreamRequests
 from h2nav.service.wished_stream import Wish
 
 RAW = mavlink.MAVLINK_MSG_ID_RAW_IMU
@@ -408,7 +408,7 @@ def test_the_budget_holds_whatever_the_autopilot_does(seed):
     times = [t_s for t_s, _ in talk.asked]
     for index, start_s in enumerate(times):
         within = sum(t_s < start_s + 60.0 for t_s in times[index:])
-        assert within <= MOST_PER_MINUTE
+        assert within <= MAX_PER_MINUTE
 
 
 # --- nothing asked --------------------------------------------------------------------------------

@@ -250,8 +250,8 @@ def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
 
 
 def test_refuses_one_name_for_two_constants() -> None:
-    sources = [KernelSource("a.py", "MOST = 3\n"), KernelSource("b.py", "MOST = 3\nMOST = 4\n")]
-    with pytest.raises(Untranslatable, match=r"^b\.py:2: MOST has another value"):
+    sources = [KernelSource("a.py", "MAX = 3\n"), KernelSource("b.py", "MAX = 3\nMAX = 4\n")]
+    with pytest.raises(Untranslatable, match=r"^b\.py:2: MAX has another value"):
         read_kernel(sources)
 
 
@@ -261,7 +261,7 @@ def test_refuses_one_name_for_two_constants() -> None:
         ("    level: I32 = 5", "a record holds only fields made by a row"),
         ("    level: I32 = unknown(1)", "a record holds only fields made by a row"),
         ("    def f(self) -> None:\n        pass", "a record holds only fields made by a row"),
-        ("    level: I32 = integer(0, MOST, '', 'a level')", "not a constant expression"),
+        ("    level: I32 = integer(0, MAX, '', 'a level')", "not a constant expression"),
     ],
 )
 def test_refuses_records_of_anything_but_rows(statement: str, reason: str) -> None:
@@ -322,7 +322,7 @@ def replaced(sources: list[KernelSource], original: str, mutant: str) -> list[Ke
 
 def test_a_wider_input_of_the_constant_gain_kernel_is_noticed() -> None:
     """Ranges are proved: with longer steps a turn no longer fits, and the proof fails."""
-    wider = replaced(SMALLEST, "MOST_DT_US = 12500", "MOST_DT_US = 60000")
+    wider = replaced(SMALLEST, "MAX_DT_US = 12500", "MAX_DT_US = 60000")
     code = translate(wider, ["update"]).code
     assert "int64_t" in code  # no longer the 32-bit form
     assert "int64_t" not in translate(SMALLEST, ["update"]).code

@@ -15,7 +15,7 @@ from h2nav.wire.deframer import Deframer
 from h2nav.wire.signing import (
     EPOCH_UNIX_NS,
     LARGEST_STAMP,
-    MOST_STREAMS,
+    MAX_STREAMS,
     NEW_STREAM_BEHIND,
     Denial,
     LocalStamp,
@@ -177,7 +177,7 @@ def test_who_lags_behind_is_answered_and_who_has_no_key_is_not() -> None:
 
 def filled_table(clock: Clock) -> SignatureChecker:
     ours = checker(LocalStamp(clock))
-    for number in range(MOST_STREAMS):
+    for number in range(MAX_STREAMS):
         ids = (1 + number % 16, 1 + number // 16)
         assert ours.admit(Peer(ids=ids, link_id=0).frame()) is None
     return ours
@@ -187,7 +187,7 @@ def test_a_full_table_keeps_its_streams_and_takes_no_new_one() -> None:
     ours = filled_table(Clock())
     assert ours.admit(Peer(link_id=1).frame()) is Denial.TOO_MANY_STREAMS
     assert ours.admit(Peer(ids=(1, 1), link_id=0, stamp=NOW_STAMP + 1).frame()) is None
-    assert ours.streams == MOST_STREAMS
+    assert ours.streams == MAX_STREAMS
 
 
 def test_a_full_table_forgets_only_what_could_not_be_replayed() -> None:

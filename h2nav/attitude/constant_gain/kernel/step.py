@@ -17,10 +17,10 @@ from ..memory import (
     DISAGREES,
     FIELD_USED,
     FORCE_USED,
-    LEAST_BIAS_SHIFT,
-    LEAST_SHIFT,
-    MOST_BIAS_SHIFT,
-    MOST_SHIFT,
+    MAX_BIAS_SHIFT,
+    MAX_SHIFT,
+    MIN_BIAS_SHIFT,
+    MIN_SHIFT,
     SATURATED,
     SATURATIONS_LIMIT,
     Gains,
@@ -157,14 +157,14 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
     s.age_us = clamp(s.age_us + sample.dt_us, 0, AGE_LIMIT_US)
     # attitude, from the next step on
     weighted(g.attitude_gain, zeta, e)
-    shift = known(g.attitude_shift - boost, LEAST_SHIFT, MOST_SHIFT)  # Lemma 5
+    shift = known(g.attitude_shift - boost, MIN_SHIFT, MAX_SHIFT)  # Lemma 5
     s.turn_carry[0] += unrotated(r[0], r[3], r[6], e) >> shift
     s.turn_carry[1] += unrotated(r[1], r[4], r[7], e) >> shift
     s.turn_carry[2] += unrotated(r[2], r[5], r[8], e) >> shift
 
     # bias, whose gain grows with the square of the boost
     weighted(g.bias_gain, zeta, e)
-    shift = known(g.bias_shift - 2 * boost, LEAST_BIAS_SHIFT, MOST_BIAS_SHIFT)  # Lemma 5
+    shift = known(g.bias_shift - 2 * boost, MIN_BIAS_SHIFT, MAX_BIAS_SHIFT)  # Lemma 5
     correct_bias(s, 0, unrotated(r[0], r[3], r[6], e), shift, met)
     correct_bias(s, 1, unrotated(r[1], r[4], r[7], e), shift, met)
     correct_bias(s, 2, unrotated(r[2], r[5], r[8], e), shift, met)

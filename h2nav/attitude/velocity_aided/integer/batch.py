@@ -15,7 +15,7 @@ from h2nav.attitude.batch_driver import (
     rounded,
     unit_quaternions,
 )
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.batch import special_samples
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
@@ -78,7 +78,7 @@ class IntegerVelocityAidedBatch:
     def _divided(self, table: Table, gaps: Integers) -> Table:
         """The samples with their times, the field in the last step of each."""
         table["dt_us"] = gaps
-        counts = np.maximum(-(-gaps // MOST_DT_US), 1)
+        counts = np.maximum(-(-gaps // MAX_DT_US), 1)
         self._last = last = np.cumsum(counts) - 1
         if len(table) == last[-1] + 1:
             return table

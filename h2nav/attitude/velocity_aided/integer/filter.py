@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from h2nav.attitude.integer.motion import MOST_DT_US, rotation
+from h2nav.attitude.integer.motion import MAX_DT_US, rotation
 from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
 from h2nav.attitude.samples import (
@@ -38,9 +38,9 @@ from h2nav.attitude.velocity_aided.integer.kernel.tilt import restart_tilt
 from h2nav.attitude.velocity_aided.integer.kernel.velocity import begin_frames
 from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
-    THETA_MOST,
-    TILT_SIGMA_MOST,
-    VARIANCE_LEAST,
+    THETA_MAX,
+    TILT_SIGMA_MAX,
+    VARIANCE_MIN,
     Gains,
     Sample,
     State,
@@ -64,7 +64,7 @@ from h2nav.attitude.velocity_aided.kernel.estimate import (
 )
 from h2nav.attitude.velocity_aided.kernel.prediction import jolt_of
 from h2nav.attitude.velocity_aided.shell import (
-    MOST_FIELD_UT,
+    MAX_FIELD_UT,
     TRUST,
     HeadingState,
     RefusedField,
@@ -85,7 +85,7 @@ _FORCE_UNIT = ACCEL_UNIT_G**2 * 2.0**-28  # of the variances of the acceleromete
 # Bits of a step that mean the same in floats; what holds besides is worked out for an estimate.
 _SAME_BITS = 63 & ~memory.VELOCITY_USED
 _UNIT_Q29 = 2.0**29 * (1.0 - 2.0**-11)  # length of an attitude; docs/fixed-point.md, Lemma 1
-_TURN_MOST = 1 << 28  # rad, Q28: what the kernel turns in one go
+_TURN_MAX = 1 << 28  # rad, Q28: what the kernel turns in one go
 
 
 def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT) -> None:
@@ -126,7 +126,7 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         u: the sample; the same record is yielded repeatedly, refilled.
         dt_us: its time, of any length.
     """
-    steps = max(-(-dt_us // MOST_DT_US), 1)
+    steps = max(-(-dt_us // MAX_DT_US), 1)
     has_mag, has_fix = u.has_mag, u.has_fix
     for number in range(steps):
         is_last = number == steps - 1
@@ -343,7 +343,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         """
         if self._field_scale is None and field is not None:
             size = math.hypot(*field)
-            if 0.0 < size < MOST_FIELD_UT:
+            if 0.0 < size < MAX_FIELD_UT:
                 self._field_scale = math.frexp(size / FIELD_UNIT_UT)[1]
 
     def _run(self, dt_us: int) -> int:
@@ -451,7 +451,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _turn_heading(self, angle_rad: float) -> None:
         rest = round(angle_rad * 2.0**28)
         while True:
-            part = min(max(rest, -_TURN_MOST), _TURN_MOST)
+            part = min(max(rest, -_TURN_MAX), _TURN_MAX)
             turn_heading(self._state, self._g, part)
             self._settle()
             rest -= part
@@ -478,7 +478,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _limit_heading(self, sigma_rad: float) -> None:
         s = self._state
         variance = round(sigma_rad**2 / _HEADING_UNIT)
-        s.heading_variance = min(s.heading_variance, max(variance, VARIANCE_LEAST))
+        s.heading_variance = min(s.heading_variance, max(variance, VARIANCE_MIN))
         s.heading_reset = 0
         s.fix_lag, s.fix_lag_variance = 0, self._g.fix_lag_variance
 
@@ -500,7 +500,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         variance = found.heading_sigma_rad**2 / _HEADING_UNIT
         if variance < self._g.heading_variance:
             forget_heading(s, self._g)
-            s.heading_variance = max(round(variance), VARIANCE_LEAST)
+            s.heading_variance = max(round(variance), VARIANCE_MIN)
             s.heading_reset = s.field_silence_us = 0
 
     def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
@@ -508,19 +508,19 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         x, y, z = (min(round(variance / unit), most) for variance in rate)
         s.p_xx, s.p_yy, s.p_zz = max(s.p_xx, x), max(s.p_yy, y), max(s.p_zz, z)
         if force is not None:
-            x, y = (min(round(variance / _FORCE_UNIT), THETA_MOST) for variance in force)
+            x, y = (min(round(variance / _FORCE_UNIT), THETA_MAX) for variance in force)
             s.p_accel[0], s.p_accel[2] = max(s.p_accel[0], x), max(s.p_accel[2], y)
 
     def _open_attitude(self, tilt_rad: float, heading_rad: float) -> None:
         s = self._state
-        sigma = min(row(State, "extra_tilt_sigma").fixed(tilt_rad), TILT_SIGMA_MOST)
+        sigma = min(row(State, "extra_tilt_sigma").fixed(tilt_rad), TILT_SIGMA_MAX)
         s.extra_tilt_sigma = max(s.extra_tilt_sigma, sigma)
         variance = min(round(heading_rad**2 / _HEADING_UNIT), self._g.heading_variance)
         s.heading_variance = max(s.heading_variance, variance)
 
     def _set_gyro_variance(self, variance: Vec3) -> None:
         s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
-        x, y, z = (max(VARIANCE_LEAST, min(round(v / unit), most)) for v in variance)
+        x, y, z = (max(VARIANCE_MIN, min(round(v / unit), most)) for v in variance)
         s.p_xx, s.p_yy, s.p_zz = x, y, z
         s.p_xy = s.p_xz = s.p_yz = 0
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, NoReturn
 
-from h2nav.attitude.integer.motion import MOST_DT_US
+from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.record import row
 from h2nav.attitude.samples import EarthField
 from h2nav.attitude.velocity_aided.gains import GainSets, VelocityAidedGains
@@ -22,9 +22,9 @@ PACK_BIAS = 8
 _FORWARD = row(Sample, "forward_speed")
 FASTEST_M_S = (_FORWARD.range or (0, 0))[1] * 2.0**-_FORWARD.q * GRAVITY_M_S2
 # a gain times the longest frame stays below one
-LARGEST_GAIN = 1e6 / (FRAME * MOST_DT_US)
+LARGEST_GAIN = 1e6 / (FRAME * MAX_DT_US)
 LARGEST_FIX_GAIN = 8.0
-LEAST_GAIN = 2.0**-22
+MIN_GAIN = 2.0**-22
 
 
 class IntegerGains(NamedTuple):
@@ -107,8 +107,8 @@ class _Image:
     def put_gains(self, name: str, gains: Sequence[float], most: float, what: str) -> float:
         """Packed gains; returns the largest relative error of their rounding."""
         for value in gains:
-            if not LEAST_GAIN <= value < most:
-                self._refuse(what, f"{value:g} of {LEAST_GAIN:.1g}..{most:g}")
+            if not MIN_GAIN <= value < most:
+                self._refuse(what, f"{value:g} of {MIN_GAIN:.1g}..{most:g}")
         self.put_list(name, map(packed, gains), what)
         return max(abs(unpacked(packed(value)) / value - 1.0) for value in gains)
 
@@ -143,7 +143,7 @@ def _log(value: float) -> float:
 
 def _timing(rate_hz: float) -> Timing:
     """The timing: a sample longer than a step is split."""
-    parts = math.ceil(1e6 / (rate_hz * MOST_DT_US))
+    parts = math.ceil(1e6 / (rate_hz * MAX_DT_US))
     return Timing(rate_hz * parts, float(parts), FRAME)
 
 

@@ -14,7 +14,7 @@ LOST_HEADING_RAD = 1.8137993642342178  # pi over the root of 3: of a heading tha
 TILT_SHARE = 0.85
 HEADING_SHARE = 0.5
 # Of the predicted variance: the mean of six squares is below a sixth of it by chance once in 2,000.
-MOST_UNUSED = 0.84
+MAX_UNUSED = 0.84
 # Of the field, until velocities have confirmed the heading: iron of a few percent turns it, and
 # shows in norm and dip no more than the calibration's errors.
 UNCONFIRMED = 0.05
@@ -59,8 +59,8 @@ def tilt_deviation(s: State, g: Gains) -> float:
     if s.aided > 0.0:
         # The gains at a fix are those per second times its period.
         unused = s.unused_variance
-        if unused > MOST_UNUSED:
-            unused = MOST_UNUSED
+        if unused > MAX_UNUSED:
+            unused = MAX_UNUSED
         gain_set = (1.0 - unused) * gain_set / (s.fix_period_s * s.fix_period_s)
         variance = (1.0 - unused) * variance + accel_variance(s, g, unused)
     variance = gain_set + variance

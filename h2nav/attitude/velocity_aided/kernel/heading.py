@@ -8,7 +8,7 @@ import math
 from ..memory import (
     FIELD_USED,
     HEADING_LOST,
-    MOST_REJECTED,
+    MAX_REJECTED,
     OLDEST_FIELD,
     Gains,
     Sample,
@@ -20,7 +20,7 @@ from .field_offset import LARGEST, correct_offset, is_doubted, offset_spread, op
 from .prediction import forget_sensitivities, gyro_density, set_matrix
 from .theta import apply_theta, follow_bias, measure_theta, times_covariance
 
-LEAST_TURN = 0.35  # rad: a smaller turn of a field may be its noise
+MIN_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 # A difference of fewer deviations may be the heading's error.
 KNOWN_SIGMAS_2 = 4.0
 # A field is sound beside one whose norm and dip differ by so many times as much, squared.
@@ -188,7 +188,7 @@ def count_turn(s: State, norm: float) -> None:
     for i in range(3):
         d = s.mag_last[i] - s.mag_new_from[i]
         square = square + d * d
-    if square < LEAST_TURN * LEAST_TURN * norm * norm:
+    if square < MIN_TURN * MIN_TURN * norm * norm:
         return
     s.mag_new_turn = s.mag_new_turn + math.sqrt(square) / norm
     for i in range(3):
@@ -448,7 +448,7 @@ def turn_heading(s: State, w: Workspace, g: Gains, angle: float) -> None:
     forget_sensitivities(s, w)
     s.velocity_n = 0.0
     s.velocity_e = 0.0
-    s.fixes_rejected = MOST_REJECTED
+    s.fixes_rejected = MAX_REJECTED
     s.p_xh = 0.0
     s.p_yh = 0.0
     s.p_zh = 0.0

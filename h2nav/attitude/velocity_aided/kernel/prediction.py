@@ -5,7 +5,7 @@ Equations: docs/filter.md.
 
 import math
 
-from ..memory import MOST_REJECTED, Gains, Sample, State, Workspace
+from ..memory import MAX_REJECTED, Gains, Sample, State, Workspace
 from .field_offset import begin_offset, predict_offset
 
 LONGEST_STEP = 0.15  # s: samples come at 10 Hz at least, so that of a longer step some are missing
@@ -115,7 +115,7 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
         s.velocity_e = sample.forward_speed * w.r_nb[3] / g.gravity
         s.gained_n = 0.0
         s.gained_e = 0.0
-        s.fixes_rejected = MOST_REJECTED
+        s.fixes_rejected = MAX_REJECTED
         s.tilt_suspect = 0.0
         s.aided = sample.aided
         begin_bias(s, w, g)

@@ -11,7 +11,7 @@ from .prediction import turn
 SETTLED = 30.0  # s: ten times the start-up time, and six of the slowest mean of the innovation
 MOVING_TIME = 20.0  # s: the corrections of a bias that moves add up over this time
 # Fastest warm-up of a MEMS gyro, 0.5 deg/s per minute, over that time: (rad/s^2)^2 s.
-MOST_WALK = (0.5 / 60.0 * (math.pi / 180.0)) * (0.5 / 60.0 * (math.pi / 180.0)) * MOVING_TIME
+MAX_WALK = (0.5 / 60.0 * (math.pi / 180.0)) * (0.5 / 60.0 * (math.pi / 180.0)) * MOVING_TIME
 
 
 def predict_theta(s: State, w: Workspace, g: Gains, dt: float) -> None:
@@ -185,8 +185,8 @@ def adapt_walk(s: State, period: float) -> None:
         walk = 2.0 * (trend * trend - 0.5 * usual) / MOVING_TIME
         if walk < 0.0:
             walk = 0.0
-        if walk > MOST_WALK:
-            walk = MOST_WALK
+        if walk > MAX_WALK:
+            walk = MAX_WALK
         s.bias_moved[i] = moved
         s.bias_trend[i] = trend
         s.bias_expected[i] = expected

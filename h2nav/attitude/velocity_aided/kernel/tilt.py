@@ -7,7 +7,7 @@ import math
 
 from ..memory import (
     HEADING_LOST,
-    MOST_REJECTED,
+    MAX_REJECTED,
     ON_GROUND,
     RESTARTED,
     Gains,
@@ -17,10 +17,10 @@ from ..memory import (
 )
 from .prediction import forget_sensitivities, set_matrix, turn, turn_body
 
-MOST_TILT_SIGMA = 1.57  # rad: nothing is known
+MAX_TILT_SIGMA = 1.57  # rad: nothing is known
 AT_END = 0.99  # of the largest rate: another axis at the same end
 LONGEST_PARABOLA = 0.25  # s: of clipped samples whose rate is still a parabola
-MOST_CLIPPED = 0.2  # rad: after clipped samples that may have hidden more the tilt starts again
+MAX_CLIPPED = 0.2  # rad: after clipped samples that may have hidden more the tilt starts again
 ALL_CLIPPED = 0.6  # rad: ... and the force is the better guess, even while accelerating
 LEVEL_SIGMA = 0.1  # rad: of a tilt taken from the force alone
 LEVEL_SIZE = 0.1  # relative, of the force's square: 5 % of g
@@ -82,7 +82,7 @@ def end_clipping(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     raise_tilt_sigma(s, s.extra_tilt_sigma + lost)
     # The heading has been turned as well as the tilt; `limit` keeps it where theta is linear.
     s.heading_variance = s.heading_variance + lost * lost
-    if lost > MOST_CLIPPED:
+    if lost > MAX_CLIPPED:
         bits = begin_anew(s, w, g, sample)
     s.clipped_angle = 0.0
     return bits
@@ -112,13 +112,13 @@ def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
         for i in range(3):
             s.gyro_last[i] = sample.gyro[i]
             s.gyro_step[i] = 0.0
-        s.fixes_rejected = MOST_REJECTED
+        s.fixes_rejected = MAX_REJECTED
 
 
 def raise_tilt_sigma(s: State, angle: float) -> None:
     """Raises the deviation of the tilt to at least this, rad."""
-    if angle > MOST_TILT_SIGMA:
-        angle = MOST_TILT_SIGMA
+    if angle > MAX_TILT_SIGMA:
+        angle = MAX_TILT_SIGMA
     if angle > s.extra_tilt_sigma:
         s.extra_tilt_sigma = angle
     s.unused_variance = 0.0
@@ -198,6 +198,6 @@ def restart_tilt(s: State, w: Workspace, g: Gains, nose: float) -> None:
     s.innovation_mean_e = 0.0
     s.innovation_variance = 0.0
     s.age_s = 0.0
-    s.fixes_rejected = MOST_REJECTED
+    s.fixes_rejected = MAX_REJECTED
     s.tilt_suspect = 0.0
     s.steady_s = 0.0

@@ -7,7 +7,7 @@ import math
 
 from ..memory import (
     FORCE_USED,
-    MOST_REJECTED,
+    MAX_REJECTED,
     OLDEST_FIELD,
     PERIODS,
     RESTARTED,
@@ -33,7 +33,7 @@ from .tilt import raise_tilt_sigma, restart_tilt
 
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
 # rad, per fix rejected in a row: no tilt turns a force into more than 2 g of velocity.
-MOST_EXPLAINED = 2.0 / MOST_REJECTED
+MAX_EXPLAINED = 2.0 / MAX_REJECTED
 NEVER_S = 1e9  # since the last field where there was none: as long as a gain file may wait for one
 STARTED = 10.0  # of startup_inflation: before, the low-passed force is older than the tilt
 
@@ -102,7 +102,7 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     period = sample.fix_period_s
     s.fix_period_s = period
     variance = sample.fix_variance / (g.gravity * g.gravity)
-    if s.fixes_rejected >= MOST_REJECTED:
+    if s.fixes_rejected >= MAX_REJECTED:
         # The velocity is unknown yet, or consistent fixes contradict it.
         forget_velocity(s)
         s.velocity_n = s.velocity_n + north
@@ -115,8 +115,8 @@ def use_fix(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if square > s.startup_inflation * g.fix_gate * (floor + s.innovation_power):
         s.fixes_rejected = s.fixes_rejected + 1.0
         s.unused_variance = 0.0
-        angle = math.sqrt(square) / (period * MOST_REJECTED)
-        if angle <= MOST_EXPLAINED * s.fixes_rejected:
+        angle = math.sqrt(square) / (period * MAX_REJECTED)
+        if angle <= MAX_EXPLAINED * s.fixes_rejected:
             raise_tilt_sigma(s, angle)
         return 0
     s.fixes_rejected = 0.0

@@ -5,7 +5,7 @@ Source: docs/fixed-point.md Eq. (31), (32); docs/filter.md Eq. (33) to (39).
 
 from h2nav.maths.fixedpoint import I32, clamp, known
 
-from ..memory import LATENCY_MOST, THETA_MOST, VELOCITY_MOST, Gains, State
+from ..memory import LATENCY_MAX, THETA_MAX, VELOCITY_MAX, Gains, State
 from .derived import (
     level_sensitivities,
 )
@@ -19,7 +19,7 @@ from .theta import (
     weigh_gain,
 )
 
-LAG_VARIANCE_LEAST = 1024  # (1 ms)^2, Q30
+LAG_VARIANCE_MIN = 1024  # (1 ms)^2, Q30
 Q26 = 26 << 8
 
 
@@ -79,7 +79,7 @@ def find_spread_of_all(s: State, row: list[I32], row_accel: list[I32]) -> I32:
     s.gain_fall = fall
     explained = times(s.dtheta[0], s.dtheta[1], s.dtheta[2], s.dtheta[3], a)
     explained += product(s.daccel[0], x) + product(s.daccel[1], y)
-    return limited(shifted(explained, 13 - scale), THETA_MOST)
+    return limited(shifted(explained, 13 - scale), THETA_MAX)
 
 
 def of_accel(s: State, i: I32, x: I32, y: I32) -> I32:
@@ -105,8 +105,8 @@ def use_accel_gain(s: State, learns: I32) -> None:
         s.p_accel[1] = lowered(s.p_accel[1], k_x * h_y >> shift)
         s.p_accel[2] = lowered_variance(s.p_accel[2], k_y * h_y >> shift)
         shift = s.gain_theta_shift
-        s.daccel[0] = limited(s.daccel[0] + (h_x * s.gain_innovation >> shift), THETA_MOST)
-        s.daccel[1] = limited(s.daccel[1] + (h_y * s.gain_innovation >> shift), THETA_MOST)
+        s.daccel[0] = limited(s.daccel[0] + (h_x * s.gain_innovation >> shift), THETA_MAX)
+        s.daccel[1] = limited(s.daccel[1] + (h_y * s.gain_innovation >> shift), THETA_MAX)
 
 
 def apply_accel(s: State) -> None:
@@ -118,12 +118,12 @@ def apply_accel(s: State) -> None:
     x = known(s.daccel[0] >> scale, -8192, 8191)
     y = known(s.daccel[1] >> scale, -8192, 8191)
     for i in range(2):
-        s.accel_bias[i] = limited(s.accel_bias[i] + s.daccel[i], THETA_MOST)
+        s.accel_bias[i] = limited(s.accel_bias[i] + s.daccel[i], THETA_MAX)
         s.daccel[i] = 0
     north = product(s.dvelocity_accel_n[0], x) + product(s.dvelocity_accel_n[1], y)
     east = product(s.dvelocity_accel_e[0], x) + product(s.dvelocity_accel_e[1], y)
-    s.velocity_n = limited(s.velocity_n + shifted(north, 13 - scale), VELOCITY_MOST)
-    s.velocity_e = limited(s.velocity_e + shifted(east, 13 - scale), VELOCITY_MOST)
+    s.velocity_n = limited(s.velocity_n + shifted(north, 13 - scale), VELOCITY_MAX)
+    s.velocity_e = limited(s.velocity_e + shifted(east, 13 - scale), VELOCITY_MAX)
     north = product(s.dtilt_accel_n[0], x) + product(s.dtilt_accel_n[1], y)
     east = product(s.dtilt_accel_e[0], x) + product(s.dtilt_accel_e[1], y)
     turn(s, shifted(north, 12 - scale), shifted(east, 12 - scale))
@@ -145,11 +145,11 @@ def find_fix_gain(
     Source: docs/filter.md Eq. (18), (37) - (39).
     """
     row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
-    s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MOST)
+    s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MAX)
     noise = limited(power2(s.log_noise + Q26), 1 << 29)
     noise += clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
     explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread_of_all(s, row, row_accel)
-    y = innovation - limited(explained, THETA_MOST)
+    y = innovation - limited(explained, THETA_MAX)
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
 
 
@@ -162,12 +162,12 @@ def use_lag_gain(s: State) -> None:
     scale = clamp(bits_of(size_of(h)) - 15, 0, 16)
     h = known(h >> scale, -32768, 32767)
     shift = clamp(s.gain_digits - 40 - scale - s.gain_y_scale, -12, 31)
-    step = limited(shifted(h * s.gain_innovation, shift), LATENCY_MOST)
-    s.dfix_lag = limited(s.dfix_lag + step, LATENCY_MOST)
+    step = limited(shifted(h * s.gain_innovation, shift), LATENCY_MAX)
+    s.dfix_lag = limited(s.dfix_lag + step, LATENCY_MAX)
     part = (h * s.gain_inverse + 16384) >> 15
     fall = limited(shifted(h * part, clamp(s.gain_digits - 36 - 2 * scale, -12, 31)), 1 << 30)
     if s.fix_lag_variance > 0:
-        s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_LEAST, LATENCY_MOST - 1)
+        s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_MIN, LATENCY_MAX - 1)
 
 
 def apply_lag(s: State, g: Gains) -> None:
@@ -184,6 +184,6 @@ def apply_lag(s: State, g: Gains) -> None:
     for i in range(2):
         velocity[i] = product(change, limited(s.dvelocity_lag[i] >> 11, 32767)) >> 4
         tilt[i] = product(change, limited(s.dtilt_lag[i] >> 11, 32767)) << 1
-    s.velocity_n = limited(s.velocity_n + velocity[0], VELOCITY_MOST)
-    s.velocity_e = limited(s.velocity_e + velocity[1], VELOCITY_MOST)
+    s.velocity_n = limited(s.velocity_n + velocity[0], VELOCITY_MAX)
+    s.velocity_e = limited(s.velocity_e + velocity[1], VELOCITY_MAX)
     turn(s, tilt[0], tilt[1])

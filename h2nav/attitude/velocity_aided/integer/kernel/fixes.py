@@ -7,12 +7,12 @@ from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import (
     GAINED_MASK,
-    LOG_MOST,
-    MOST_REJECTED,
+    LOG_MAX,
+    MAX_REJECTED,
     PERIODS,
     SETS,
-    THETA_MOST,
-    VELOCITY_MOST,
+    THETA_MAX,
+    VELOCITY_MAX,
     VELOCITY_USED,
     Gains,
     Sample,
@@ -30,7 +30,7 @@ from .velocity import Q24, density, level_share, raised, select_set, square_of
 
 LOG_SECOND = 5102  # log2 of 1e6
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
-MOST_EXPLAINED = 107374182  # 0.4 rad, Q28, per rejected fix, as in floats
+MAX_EXPLAINED = 107374182  # 0.4 rad, Q28, per rejected fix, as in floats
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: rejected fixes that need so large a tilt error
 
 
@@ -43,10 +43,10 @@ def note_fix(s: State, sample: Sample) -> None:
     s.fix_accel_n = sample.fix_accel_n >> 11
     s.fix_accel_e = sample.fix_accel_e >> 11
     gained += product(s.fix_lag, s.fix_accel_n) >> 4
-    s.fix_innovation_n = limited(sample.fix_velocity_n - s.velocity_n + gained, THETA_MOST)
+    s.fix_innovation_n = limited(sample.fix_velocity_n - s.velocity_n + gained, THETA_MAX)
     gained = ((s.gained_e - sample.fix_gained_e + (1 << 27)) & GAINED_MASK) - (1 << 27)
     gained += product(s.fix_lag, s.fix_accel_e) >> 4
-    s.fix_innovation_e = limited(sample.fix_velocity_e - s.velocity_e + gained, THETA_MOST)
+    s.fix_innovation_e = limited(sample.fix_velocity_e - s.velocity_e + gained, THETA_MAX)
     s.fix_variance = sample.fix_variance
     s.fix_period_us = sample.fix_period_us
 
@@ -63,7 +63,7 @@ def judge_fix(s: State, g: Gains) -> I32:
     period_us = s.fix_period_us
     s.fix_span_us = period_us
     s.fix_period_us = 0
-    if s.fixes_rejected >= MOST_REJECTED:
+    if s.fixes_rejected >= MAX_REJECTED:
         accept_fixes(s)
         return VELOCITY_USED
     log_period = logarithm(period_us | 1) - LOG_SECOND
@@ -72,10 +72,10 @@ def judge_fix(s: State, g: Gains) -> I32:
     gate = limited(floor, 1 << 29) + s.innovation_power
     log_square = logarithm(square | 1)
     if log_square > s.log_startup_inflation + g.log_fix_gate + logarithm(gate):
-        s.fixes_rejected = clamp(s.fixes_rejected + 1, 0, MOST_REJECTED)
+        s.fixes_rejected = clamp(s.fixes_rejected + 1, 0, MAX_REJECTED)
         # the tilt error that would explain it: y / (5 T), Q28
         angle = power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8))
-        if angle <= MOST_EXPLAINED * s.fixes_rejected:
+        if angle <= MAX_EXPLAINED * s.fixes_rejected:
             raise_tilt_sigma(s, angle)
         return 0
     s.fixes_rejected = 0
@@ -101,16 +101,16 @@ def choose_fix(s: State, g: Gains) -> None:
     log_span = log_period + logarithm(clamp(kept, 1, 32768)) - (15 << 8)
     s.log_noise = clamp(
         s.log_startup_inflation + g.log_fix_inflation + s.log_velocity_noise - log_span,
-        -LOG_MOST,
-        LOG_MOST,
+        -LOG_MAX,
+        LOG_MAX,
     )
 
 
 def accept_fixes(s: State) -> None:
     """Accepts fixes again: the velocity is unknown yet, or consistent fixes contradict it."""
     forget_velocity(s)
-    s.velocity_n = limited(s.velocity_n + s.innovation_n, VELOCITY_MOST)
-    s.velocity_e = limited(s.velocity_e + s.innovation_e, VELOCITY_MOST)
+    s.velocity_n = limited(s.velocity_n + s.innovation_n, VELOCITY_MAX)
+    s.velocity_e = limited(s.velocity_e + s.innovation_e, VELOCITY_MAX)
     s.fixes_rejected = 0
     if s.extra_tilt_sigma > SUSPECT_TILT and s.log_startup_inflation < STARTED:
         s.tilt_suspect = 1
@@ -141,5 +141,5 @@ def apply_fix(s: State) -> None:
     turn(s, tilt_n, tilt_e)
     north = shifted(product(s.innovation_n, s.k_velocity_m), s.k_velocity_s)
     east = shifted(product(s.innovation_e, s.k_velocity_m), s.k_velocity_s)
-    s.velocity_n = limited(s.velocity_n + limited(north, 1 << 30), VELOCITY_MOST)
-    s.velocity_e = limited(s.velocity_e + limited(east, 1 << 30), VELOCITY_MOST)
+    s.velocity_n = limited(s.velocity_n + limited(north, 1 << 30), VELOCITY_MAX)
+    s.velocity_e = limited(s.velocity_e + limited(east, 1 << 30), VELOCITY_MAX)

@@ -6,13 +6,13 @@ Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (6) to (27).
 from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import (
-    AGE_MOST_US,
+    AGE_MAX_US,
     FIELD_USED,
     FRAME,
-    LEVEL_MOST,
+    LEVEL_MAX,
     RESTARTED,
     RESTING,
-    THETA_MOST,
+    THETA_MAX,
     Gains,
     Sample,
     State,
@@ -192,7 +192,7 @@ def use_followed_gain(s: State) -> None:
         step[i] = s.dtheta[i]
     use_gain(s)
     for i in range(3):
-        step[i] = limited(s.dtheta[i] - step[i], THETA_MOST)
+        step[i] = limited(s.dtheta[i] - step[i], THETA_MAX)
     follow_bias(s, step, x, y, z)
 
 
@@ -232,7 +232,7 @@ def measure_heading(s: State, g: Gains, phase: I32) -> None:
             explained = find_spread_of_all(s, s.jacobian, s.jacobian_accel)
         else:
             explained = find_spread(s, s.jacobian)
-        s.heading_innovation = limited(s.heading_innovation - explained, THETA_MOST)
+        s.heading_innovation = limited(s.heading_innovation - explained, THETA_MAX)
         judge_heading(s, g)
     elif phase == 14:
         weigh_heading(s, g)
@@ -268,13 +268,13 @@ def begin_frame(s: State, g: Gains, sample: Sample) -> None:
     # 2^17 / 1e6
     s.frame_time = (time_us * 8590 + 32768) >> 16
     share = level_share(s, g, time_us)
-    s.turning = raised(s.turning, clamp(s.turning_sum, 0, LEVEL_MOST), share)
+    s.turning = raised(s.turning, clamp(s.turning_sum, 0, LEVEL_MAX), share)
     close_jitter(s, g, share)
     s.innovation_n = s.innovation_sum_n
     s.innovation_e = s.innovation_sum_e
     s.velocity_use = 1 - sample.aided
     s.frame_us = 0
-    s.field_silence_us = clamp(s.field_silence_us + time_us, 0, AGE_MOST_US)
+    s.field_silence_us = clamp(s.field_silence_us + time_us, 0, AGE_MAX_US)
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0

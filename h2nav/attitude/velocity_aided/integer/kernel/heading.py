@@ -10,13 +10,13 @@ from h2nav.attitude.integer.motion import rotation
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
-    AGE_MOST_US,
-    FIELD_MOST_US,
-    LOG_MOST,
-    MOST_REJECTED,
-    NORM_MOST,
-    REF_MOST,
-    THETA_MOST,
+    AGE_MAX_US,
+    FIELD_MAX_US,
+    LOG_MAX,
+    MAX_REJECTED,
+    NORM_MAX,
+    REF_MAX,
+    THETA_MAX,
     Gains,
     Sample,
     State,
@@ -26,9 +26,9 @@ from .theta import add_heading, forget_sensitivities
 
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
-LEAST_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
-ERROR_MOST = 4095
-LEAST_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
+MIN_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
+ERROR_MAX = 4095
+MIN_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
 
@@ -55,7 +55,7 @@ def take_field(s: State, sample: Sample, w: list[I32]) -> None:
     s.mag_last[1] = y
     s.mag_last[2] = z
     # a field not used before the next one adds its time to that
-    s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MOST_US)
+    s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MAX_US)
     s.mag_age_us = 0
     s.heading_due = s.correction[2]
     for i in range(4):
@@ -83,7 +83,7 @@ def turn_field(s: State) -> None:
         b = r[3 * i + 1]
         c = r[3 * i + 2]
         part = (((a * x) >> 1) + ((b * y) >> 1) + ((c * z) >> 1)) >> 14
-        s.mag_ned[i] = known(part, -NORM_MOST, NORM_MOST)  # Lemma 2
+        s.mag_ned[i] = known(part, -NORM_MAX, NORM_MAX)  # Lemma 2
         part = (((a * change_x) >> 1) + ((b * change_y) >> 1) + ((c * change_z) >> 1)) >> 14
         s.mag_rate[i] = limited(part, 32767)
 
@@ -108,12 +108,12 @@ def resolve_field(s: State, g: Gains) -> None:
     s.mag_lag = clamp(lag >> 1, 0, g.mag_lag_limit)
     for i in range(3):
         part = s.mag_ned[i] - ((s.mag_lag * s.mag_rate[i]) >> 11)
-        s.mag_ned[i] = limited(part, NORM_MOST)
+        s.mag_ned[i] = limited(part, NORM_MAX)
     size_and_angle = [0, 0]
     polar(s.mag_ned[0], s.mag_ned[1], size_and_angle)
-    s.mag_horizontal = clamp(size_and_angle[0], 0, NORM_MOST)
+    s.mag_horizontal = clamp(size_and_angle[0], 0, NORM_MAX)
     s.mag_heading = known(size_and_angle[1], -(1 << 30), 1 << 30)
-    s.mag_norm = clamp(length(s.mag_horizontal, s.mag_ned[2]), 0, NORM_MOST)
+    s.mag_norm = clamp(length(s.mag_horizontal, s.mag_ned[2]), 0, NORM_MAX)
 
 
 def judge_field(s: State, g: Gains) -> None:
@@ -126,7 +126,7 @@ def judge_field(s: State, g: Gains) -> None:
         return
     if s.mag_ref_norm == 0:
         s.mag_ref_horizontal = s.mag_horizontal << 12
-        s.mag_ref_down = known(s.mag_ned[2], -NORM_MOST, NORM_MOST) << 12
+        s.mag_ref_down = known(s.mag_ned[2], -NORM_MAX, NORM_MAX) << 12
         s.mag_ref_norm = s.mag_norm << 12
     if s.heading_reset < 2:
         if (
@@ -198,16 +198,16 @@ def renew_reference(s: State, g: Gains) -> I32:
         for i in range(3):
             s.mag_new_from[i] = s.mag_last[i]
         s.mag_new_horizontal = s.mag_horizontal << 12
-        s.mag_new_down = known(s.mag_ned[2], -NORM_MOST, NORM_MOST) << 12
+        s.mag_new_down = known(s.mag_ned[2], -NORM_MAX, NORM_MAX) << 12
         s.mag_new_norm = s.mag_norm << 12
     else:
-        time = clamp(s.mag_new_us + age, 0, AGE_MOST_US)
+        time = clamp(s.mag_new_us + age, 0, AGE_MAX_US)
         share = ratio(age, time + 1)
         s.mag_new_horizontal = clamp(
-            moved(s.mag_new_horizontal, s.mag_horizontal, share), 0, REF_MOST
+            moved(s.mag_new_horizontal, s.mag_horizontal, share), 0, REF_MAX
         )
         s.mag_new_down = moved(s.mag_new_down, s.mag_ned[2], share)
-        s.mag_new_norm = clamp(moved(s.mag_new_norm, s.mag_norm, share), 0, REF_MOST)
+        s.mag_new_norm = clamp(moved(s.mag_new_norm, s.mag_norm, share), 0, REF_MAX)
         s.mag_new_us = time
         count_turn(s)
     if s.mag_new_us < g.mag_new_time_us or s.mag_new_turn < g.mag_new_turn:
@@ -233,7 +233,7 @@ def count_turn(s: State) -> None:
         part = (s.mag_last[i] - s.mag_new_from[i]) >> 2
         square += part * part
     whole = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
-    if square < product(whole, LEAST_TURN_2):
+    if square < product(whole, MIN_TURN_2):
         return
     turn = power2(((logarithm(square | 1) - logarithm(whole)) >> 1) + (16 << 8))
     s.mag_new_turn = limited(s.mag_new_turn + limited(turn, 1 << 29), 1 << 30)
@@ -251,8 +251,8 @@ def forget_heading(s: State, g: Gains) -> None:
 
 def moved(reference: I32, part: I32, share: I32) -> I32:
     """One part of a reference, Q26, moved towards that of a field, Q14."""
-    value = known(part, -NORM_MOST, NORM_MOST) << 12
-    return limited(reference + product(value - reference, share), REF_MOST)
+    value = known(part, -NORM_MAX, NORM_MAX) << 12
+    return limited(reference + product(value - reference, share), REF_MAX)
 
 
 def learn_field(s: State, g: Gains, age: I32) -> None:
@@ -277,10 +277,10 @@ def learn_field(s: State, g: Gains, age: I32) -> None:
     if s.mag_ref_given == 0:
         share = ratio(age, g.mag_ref_time_us + age)
         s.mag_ref_horizontal = clamp(
-            moved(s.mag_ref_horizontal, s.mag_horizontal, share), 0, REF_MOST
+            moved(s.mag_ref_horizontal, s.mag_horizontal, share), 0, REF_MAX
         )
         s.mag_ref_down = moved(s.mag_ref_down, s.mag_ned[2], share)
-        s.mag_ref_norm = clamp(moved(s.mag_ref_norm, s.mag_norm, share), 0, REF_MOST)
+        s.mag_ref_norm = clamp(moved(s.mag_ref_norm, s.mag_norm, share), 0, REF_MAX)
 
 
 def learn_latency(s: State, age: I32) -> None:
@@ -291,7 +291,7 @@ def learn_latency(s: State, age: I32) -> None:
     north_rate = s.mag_rate[0]
     east_rate = s.mag_rate[1]
     down_rate = s.mag_rate[2]
-    if abs(north_rate) + abs(east_rate) + abs(down_rate) < LEAST_FIELD_RATE:
+    if abs(north_rate) + abs(east_rate) + abs(down_rate) < MIN_FIELD_RATE:
         return
     cosine = ratio(abs(s.mag_ned[0]), s.mag_horizontal + 1)
     if s.mag_ned[0] < 0:
@@ -306,10 +306,10 @@ def learn_latency(s: State, age: I32) -> None:
         + ((s.mag_lag * limited(flat_rate, 32767)) >> 11)
         - (s.mag_ref_horizontal >> 12)
     )
-    down = limited(down, ERROR_MOST)
-    flat = limited(flat, ERROR_MOST)
-    down_rate = limited(down_rate, ERROR_MOST)
-    flat_rate = limited(flat_rate, ERROR_MOST)
+    down = limited(down, ERROR_MAX)
+    flat = limited(flat, ERROR_MAX)
+    down_rate = limited(down_rate, ERROR_MAX)
+    flat_rate = limited(flat_rate, ERROR_MAX)
     weight = age >> 10
     s.mag_lag_num = limited(
         s.mag_lag_num + ((down * down_rate + flat * flat_rate) >> 6) * weight, 1 << 30
@@ -329,7 +329,7 @@ def heading_error(s: State) -> I32:
         error -= 2 * HALF_TURN_Q28
     elif error < -HALF_TURN_Q28:
         error += 2 * HALF_TURN_Q28
-    return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (s.heading_due >> 1), THETA_MOST)
+    return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (s.heading_due >> 1), THETA_MAX)
 
 
 def turn_heading(s: State, g: Gains, angle: I32) -> None:
@@ -342,7 +342,7 @@ def turn_heading(s: State, g: Gains, angle: I32) -> None:
     forget_sensitivities(s)
     s.velocity_n = 0
     s.velocity_e = 0
-    s.fixes_rejected = MOST_REJECTED
+    s.fixes_rejected = MAX_REJECTED
     forget_heading(s, g)
 
 
@@ -411,7 +411,7 @@ def judge_heading(s: State, g: Gains) -> None:
     s.mag_frame_us = 0
     if s.heading_witnessed > 0:
         return
-    s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MOST_US)
+    s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MAX_US)
     if s.heading_rejected_us > g.mag_new_time_us:
         # it has lasted: the heading is wrong
         s.heading_rejected_us = 0
@@ -426,4 +426,4 @@ def weigh_heading(s: State, g: Gains) -> None:
     log_noise = logarithm(s.heading_noise + disturbed(s, g) + 1) - (26 << 8)
     log_noise += s.log_startup_inflation + s.log_heading_noise
     # row and error are Q28, for `weigh_gain` they are Q24 of a unit 2^-4 rad
-    s.log_heading_noise = clamp(log_noise + (8 << 8), -LOG_MOST, LOG_MOST)
+    s.log_heading_noise = clamp(log_noise + (8 << 8), -LOG_MAX, LOG_MAX)

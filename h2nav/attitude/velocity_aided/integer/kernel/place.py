@@ -5,7 +5,7 @@ Source: docs/filter.md Eq. (23) to (26).
 
 from h2nav.maths.fixedpoint import I16, I32, clamp
 
-from ..memory import NORM_MOST, Gains, State
+from ..memory import NORM_MAX, Gains, State
 from .functions import HALF_TURN_Q28, limited, polar, ratio
 from .heading import turn_heading
 
@@ -26,7 +26,7 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     declination = 0
     if flat[0] > 0:
         declination = limited(flat[1], HALF_TURN_Q28)
-    level = clamp(flat[0], 0, NORM_MOST)
+    level = clamp(flat[0], 0, NORM_MAX)
     polar(level, down, whole)
     change = declination - s.declination
     s.declination = declination
@@ -35,7 +35,7 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     # Q14 to Q26
     s.mag_ref_horizontal = level << 12
     s.mag_ref_down = down * 4096
-    s.mag_ref_norm = clamp(whole[0], 0, NORM_MOST) << 12
+    s.mag_ref_norm = clamp(whole[0], 0, NORM_MAX) << 12
     s.mag_ref_given = 1
     s.mag_new_us = 0
     if s.age_us >= 0 and s.heading_reset == 0 and s.aided == 0:

@@ -8,11 +8,11 @@ from h2nav.attitude.integer.triad import Q_LIMIT, UNIT_Q14
 from h2nav.maths.fixedpoint import I32, clamp
 
 from ..memory import (
-    AGE_MOST_US,
+    AGE_MAX_US,
     ALIGNED,
-    FIELD_MOST_US,
+    FIELD_MAX_US,
     RESTARTED,
-    VARIANCE_LEAST,
+    VARIANCE_MIN,
     Gains,
     Sample,
     State,
@@ -24,7 +24,7 @@ from .tilt import AIR_TILT_SIGMA, ALL_CLIPPED, LEVEL_SIGMA, level, restart_tilt,
 from .velocity import begin_frames
 
 FIELD_WAIT_US = 250000
-MOST_AT_ONCE = 1 << 29  # 2 rad, Q28: largest declination applied at the start
+MAX_AT_ONCE = 1 << 29  # 2 rad, Q28: largest declination applied at the start
 
 
 def begin_anew(s: State, sample: Sample, r: list[I32]) -> None:
@@ -50,7 +50,7 @@ def align(s: State, g: Gains, sample: Sample) -> I32:
 
     Waits for a field; without one the nose points north.
     """
-    s.mag_age_us = clamp(s.mag_age_us + sample.dt_us, 0, FIELD_MOST_US)
+    s.mag_age_us = clamp(s.mag_age_us + sample.dt_us, 0, FIELD_MAX_US)
     if sample.clipped > 0:
         return 0
     if sample.has_mag == 0 and s.mag_age_us < FIELD_WAIT_US:
@@ -75,8 +75,8 @@ def align(s: State, g: Gains, sample: Sample) -> I32:
     begin(s, g, sample, LEVEL_SIGMA)
     if sample.has_mag > 0:
         # the attitude is that of magnetic north
-        s.correction[2] = limited(s.declination, MOST_AT_ONCE) * 2
-        if abs(s.declination) > MOST_AT_ONCE:
+        s.correction[2] = limited(s.declination, MAX_AT_ONCE) * 2
+        if abs(s.declination) > MAX_AT_ONCE:
             # beside a pole: the fields to come give the rest
             s.heading_reset = 1
     return ALIGNED | RESTARTED
@@ -132,7 +132,7 @@ def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
     s.heading_witnessed = 0
     s.field_silence_us = 0
     if s.heading_reset > 0:
-        s.field_silence_us = AGE_MOST_US
+        s.field_silence_us = AGE_MAX_US
 
 
 def reset(s: State, g: Gains) -> None:
@@ -141,7 +141,7 @@ def reset(s: State, g: Gains) -> None:
     s.p_xx = g.bias_variance
     s.p_yy = g.bias_variance
     s.p_zz = g.bias_variance
-    s.heading_variance = VARIANCE_LEAST
+    s.heading_variance = VARIANCE_MIN
     s.declination_cosine = UNIT_Q14
     s.age_us = -1
 

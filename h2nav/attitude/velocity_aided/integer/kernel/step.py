@@ -18,12 +18,12 @@ from h2nav.attitude.integer.motion import (
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
-    AGE_MOST_US,
-    CORRECTION_MOST,
-    FIELD_MOST_US,
+    AGE_MAX_US,
+    CORRECTION_MAX,
+    FIELD_MAX_US,
     FORCE_LOST,
     FORCE_USED,
-    FRAME_MOST_US,
+    FRAME_MAX_US,
     GAINED_MASK,
     RESTARTED,
     SATURATED,
@@ -36,11 +36,11 @@ from .frame import second_stage
 from .functions import limited
 from .heading import take_field
 from .start import align, begin_anew
-from .tilt import MOST_CLIPPED, doubt_rate, watch_rest
+from .tilt import MAX_CLIPPED, doubt_rate, watch_rest
 from .velocity import accelerate, change_aiding, correct_velocity
 
-STEP_MOST = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
-SATURATIONS_MOST = 1 << 30
+STEP_MAX = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
+SATURATIONS_MAX = 1 << 30
 
 
 def update(s: State, g: Gains, sample: Sample) -> I32:
@@ -58,14 +58,14 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
     propagate(s.q_nb, s.gyro_bias, s.turn_carry, sample.gyro, sample.dt_us, met)
     rotation(s.q_nb, r)
     dt_us = sample.dt_us
-    s.age_us = clamp(s.age_us + dt_us, 0, AGE_MOST_US)
-    s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MOST_US)
-    s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MOST_US)
+    s.age_us = clamp(s.age_us + dt_us, 0, AGE_MAX_US)
+    s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MAX_US)
+    s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MAX_US)
     if sample.clipped > 0:
         if sample.clipped < FORCE_LOST:
             doubt_rate(s, g, sample)
         met[0] = 1
-    elif s.clipped_angle > MOST_CLIPPED or s.tilt_suspect == 2:
+    elif s.clipped_angle > MAX_CLIPPED or s.tilt_suspect == 2:
         begin_anew(s, sample, r)
         bits = RESTARTED
     else:
@@ -73,7 +73,7 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
         bits = use_sample(s, g, sample, r)
     drain(s, r)
     if met[0] != 0 or bits & SATURATED != 0:
-        s.saturations = clamp(s.saturations + 1, 0, SATURATIONS_MOST)
+        s.saturations = clamp(s.saturations + 1, 0, SATURATIONS_MAX)
         bits |= SATURATED
     return bits
 
@@ -128,15 +128,15 @@ def rates(s: State, sample: Sample, w: list[I32]) -> None:
 
 
 def drain(s: State, r: list[I32]) -> None:
-    """Moves the pending correction to the next turn, at most STEP_MOST of it.
+    """Moves the pending correction to the next turn, at most STEP_MAX of it.
 
     Source: docs/fixed-point.md Eq. (7).
     """
     e = [0, 0, 0]
     for i in range(3):
-        e[i] = clamp(s.correction[i] >> 11, -STEP_MOST, STEP_MOST)
+        e[i] = clamp(s.correction[i] >> 11, -STEP_MAX, STEP_MAX)
         s.correction[i] = known(
-            s.correction[i] - (e[i] << 11), -CORRECTION_MOST, CORRECTION_MOST
+            s.correction[i] - (e[i] << 11), -CORRECTION_MAX, CORRECTION_MAX
         )  # Lemma 6
     s.heading_turned = (s.heading_turned + e[2]) & GAINED_MASK
     # a turn keeps the length (Lemma 2)

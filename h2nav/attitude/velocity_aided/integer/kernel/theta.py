@@ -9,12 +9,12 @@ Source: docs/fixed-point.md Eq. (19) to (22); docs/filter.md Eq. (6), (7), (12),
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
-    CORRECTION_MOST,
+    CORRECTION_MAX,
     SATURATED,
-    THETA_MOST,
-    TILT_SIGMA_MOST,
-    VARIANCE_LEAST,
-    VELOCITY_MOST,
+    THETA_MAX,
+    TILT_SIGMA_MAX,
+    VARIANCE_MIN,
+    VELOCITY_MAX,
     Gains,
     State,
 )
@@ -24,8 +24,8 @@ from .derived import (
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, reciprocal, shifted
 
 NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
-MOST_NOISE = 29 << 8
-PART_MOST = 22400  # of a vertical or level part of three numbers below 2^14
+MAX_NOISE = 29 << 8
+PART_MAX = 22400  # of a vertical or level part of three numbers below 2^14
 
 
 def size_of(a: I32) -> I32:
@@ -78,7 +78,7 @@ def find_spread(s: State, row: list[I32]) -> I32:
     s.gain_variance = clamp(variance, 0, 1 << 30)
     s.gain_scale = scale
     s.gain_fall = fall
-    return limited(shifted(row_times(s.dtheta, a), 13 - scale), THETA_MOST)
+    return limited(shifted(row_times(s.dtheta, a), 13 - scale), THETA_MAX)
 
 
 def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
@@ -96,7 +96,7 @@ def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
     log_noise += NOISE_ORIGIN - ((2 * scale + fall) << 8)
     # the noise is too large for the unit of the variance: both in a larger unit
     excess = 0
-    if log_noise > MOST_NOISE:
+    if log_noise > MAX_NOISE:
         excess = (log_noise >> 8) - 28
     if excess > 30:
         s.gain_inverse = 0
@@ -137,10 +137,10 @@ def use_gain(s: State) -> None:
     h3 = s.gain_h[3]
     e = s.gain_innovation
     shift = s.gain_theta_shift
-    s.dtheta[0] = limited(s.dtheta[0] + (h0 * e >> shift), THETA_MOST)
-    s.dtheta[1] = limited(s.dtheta[1] + (h1 * e >> shift), THETA_MOST)
-    s.dtheta[2] = limited(s.dtheta[2] + (h2 * e >> shift), THETA_MOST)
-    s.dtheta[3] = limited(s.dtheta[3] + (h3 * e >> shift), THETA_MOST)
+    s.dtheta[0] = limited(s.dtheta[0] + (h0 * e >> shift), THETA_MAX)
+    s.dtheta[1] = limited(s.dtheta[1] + (h1 * e >> shift), THETA_MAX)
+    s.dtheta[2] = limited(s.dtheta[2] + (h2 * e >> shift), THETA_MAX)
+    s.dtheta[3] = limited(s.dtheta[3] + (h3 * e >> shift), THETA_MAX)
     inverse = s.gain_inverse
     shift = s.gain_p_shift
     k = (h0 * inverse + 16384) >> 15
@@ -176,10 +176,10 @@ def use_level_gain(s: State, r: list[I32]) -> None:
     k = [0, 0, 0]
     for i in range(3):
         # Lemma 13
-        c[i] = known((r[6 + i] * vertical + 16384) >> 15, -PART_MOST, PART_MOST)
-        k[i] = known(h[i] - c[i], -PART_MOST, PART_MOST)
+        c[i] = known((r[6 + i] * vertical + 16384) >> 15, -PART_MAX, PART_MAX)
+        k[i] = known(h[i] - c[i], -PART_MAX, PART_MAX)
         step = ((k[i] << 1) * s.gain_innovation) >> s.gain_theta_shift
-        s.dtheta[i] = limited(s.dtheta[i] + limited(step, THETA_MOST), THETA_MOST)
+        s.dtheta[i] = limited(s.dtheta[i] + limited(step, THETA_MAX), THETA_MAX)
         k[i] = (k[i] * s.gain_inverse + 16384) >> 15
     shift = clamp(s.gain_p_shift - 2, 0, 31)
     s.p_xx = lowered_variance(s.p_xx, k[0] * (h[0] + c[0]) >> shift)
@@ -195,14 +195,14 @@ def use_level_gain(s: State, r: list[I32]) -> None:
 
 def lowered(covariance: I32, fall: I32) -> I32:
     """A covariance, reduced."""
-    return limited(covariance - fall, THETA_MOST)
+    return limited(covariance - fall, THETA_MAX)
 
 
 def lowered_variance(variance: I32, fall: I32) -> I32:
     """A variance, reduced; it stays positive."""
-    rest = limited(variance - fall, THETA_MOST)
-    if rest < VARIANCE_LEAST:
-        rest = VARIANCE_LEAST
+    rest = limited(variance - fall, THETA_MAX)
+    if rest < VARIANCE_MIN:
+        rest = VARIANCE_MIN
     return rest
 
 
@@ -227,10 +227,10 @@ def apply_theta(s: State, g: Gains) -> I32:
     for i in range(4):
         s.dtheta[i] = 0
     s.velocity_n = limited(
-        s.velocity_n + shifted(row_times(s.dvelocity_n, d), 13 - scale), VELOCITY_MOST
+        s.velocity_n + shifted(row_times(s.dvelocity_n, d), 13 - scale), VELOCITY_MAX
     )
     s.velocity_e = limited(
-        s.velocity_e + shifted(row_times(s.dvelocity_e, d), 13 - scale), VELOCITY_MOST
+        s.velocity_e + shifted(row_times(s.dvelocity_e, d), 13 - scale), VELOCITY_MAX
     )
     turn(
         s,
@@ -244,14 +244,14 @@ def apply_theta(s: State, g: Gains) -> I32:
 
 def turn(s: State, tilt_n: I32, tilt_e: I32) -> None:
     """Adds a tilt north and east (half radians, Q30) to the correction to come."""
-    s.correction[0] = limited(s.correction[0] + limited(tilt_e, 1 << 29), CORRECTION_MOST)
-    s.correction[1] = limited(s.correction[1] - limited(tilt_n, 1 << 29), CORRECTION_MOST)
+    s.correction[0] = limited(s.correction[0] + limited(tilt_e, 1 << 29), CORRECTION_MAX)
+    s.correction[1] = limited(s.correction[1] - limited(tilt_n, 1 << 29), CORRECTION_MAX)
 
 
 def add_heading(s: State, angle: I32) -> None:
     """Adds a heading (half radians, Q30) to the correction to come."""
-    s.correction[2] = limited(s.correction[2] + angle, CORRECTION_MOST)
-    s.heading_due = limited(s.heading_due + angle, CORRECTION_MOST)
+    s.correction[2] = limited(s.correction[2] + angle, CORRECTION_MAX)
+    s.heading_due = limited(s.heading_due + angle, CORRECTION_MAX)
 
 
 def limit_heading(s: State, g: Gains) -> None:
@@ -285,4 +285,4 @@ def fade_tilt_sigma(s: State) -> None:
     """
     doubt = s.extra_tilt_sigma
     doubt -= shifted(product(doubt, s.k_velocity_m), s.k_velocity_s + 1)
-    s.extra_tilt_sigma = clamp(doubt, 0, TILT_SIGMA_MOST)
+    s.extra_tilt_sigma = clamp(doubt, 0, TILT_SIGMA_MAX)

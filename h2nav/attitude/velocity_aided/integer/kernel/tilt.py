@@ -8,15 +8,15 @@ from h2nav.attitude.integer.triad import UNIT_Q14, VECTOR_LIMIT, triad
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
-    AGE_MOST_US,
-    FORCE_MOST,
-    MOST_REJECTED,
+    AGE_MAX_US,
+    FORCE_MAX,
+    MAX_REJECTED,
     ON_GROUND,
-    THETA_MOST,
-    TILT_SIGMA_MOST,
+    THETA_MAX,
+    TILT_SIGMA_MAX,
     TURNABLE,
-    VARIANCE_LEAST,
-    VELOCITY_MOST,
+    VARIANCE_MIN,
+    VELOCITY_MAX,
     Gains,
     Sample,
     State,
@@ -25,7 +25,7 @@ from .aiding import find_spread_of_all
 from .functions import bits_of, limited, logarithm, power2, product
 from .theta import find_spread, forget_sensitivities, limit_heading, weigh_gain
 
-MOST_CLIPPED = 53687091  # 0.2 rad, Q28: start again after clipped samples that may have hidden more
+MAX_CLIPPED = 53687091  # 0.2 rad, Q28: start again after clipped samples that may have hidden more
 ALL_CLIPPED = 161061274  # 0.6 rad: ... and the force is the better guess
 LEVEL_SIGMA = 26843546  # 0.1 rad: of a tilt taken from the force alone
 AIR_TILT_SIGMA = 93702386  # 20 deg: of a tilt that was not followed for a while, in flight
@@ -56,7 +56,7 @@ def watch_rest(s: State, g: Gains, sample: Sample) -> None:
         rate += (d >> 15) * (d >> 15)
         d = (sample.accel[i] << 4) - s.accel_lp[i]
         after = s.accel_lp[i] + (d >> shift)
-        s.accel_lp[i] = known(after, -(FORCE_MOST << 4), FORCE_MOST << 4)
+        s.accel_lp[i] = known(after, -(FORCE_MAX << 4), FORCE_MAX << 4)
         force += (d >> 15) * (d >> 15)
     s.unsteady |= ((g.rest_gyro - rate) | (g.rest_accel - force)) >> 31
 
@@ -80,7 +80,7 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         s.steady_us = 0
         s.rest_us = 0
         return
-    s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MOST_US)
+    s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MAX_US)
     still = sample.rest_prior
     # a rotor may turn it about the vertical; a bias that is less known, or that no field will show,
     # is learnt all the same
@@ -89,7 +89,7 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
     # a slow turn looks like rest in these signals: the bias must not jump by it
     if still == 1 and moves(s, 0, s.p_xx) + moves(s, 1, s.p_yy) + moves(s, 2, s.p_zz) > 0:
         still = 0
-    s.rest_us = clamp(s.rest_us + time_us, 0, AGE_MOST_US)
+    s.rest_us = clamp(s.rest_us + time_us, 0, AGE_MAX_US)
     if still == 0:
         s.rest_us = 0
 
@@ -148,15 +148,15 @@ def restart_tilt(s: State, sample: Sample, r: list[I32]) -> None:
     Source: docs/filter.md Eq. (14).
     """
     forget_sensitivities(s)
-    s.velocity_n = known((sample.forward_speed * r[0]) >> 2, -VELOCITY_MOST, VELOCITY_MOST)
-    s.velocity_e = known((sample.forward_speed * r[3]) >> 2, -VELOCITY_MOST, VELOCITY_MOST)
+    s.velocity_n = known((sample.forward_speed * r[0]) >> 2, -VELOCITY_MAX, VELOCITY_MAX)
+    s.velocity_e = known((sample.forward_speed * r[3]) >> 2, -VELOCITY_MAX, VELOCITY_MAX)
     s.turning = 0
     s.innovation_power = 0
     s.innovation_variance = 0
     s.innovation_mean_n = 0
     s.innovation_mean_e = 0
     s.age_us = 0
-    s.fixes_rejected = MOST_REJECTED
+    s.fixes_rejected = MAX_REJECTED
     s.tilt_suspect = 0
     s.steady_us = 0
 
@@ -181,15 +181,15 @@ def doubt_rate(s: State, g: Gains, sample: Sample) -> None:
         limited(lost, 1 << 28) << 2, (limited(2 * limited(before, 1 << 27) + lost, 1 << 28)) >> 14
     )
     s.heading_variance = clamp(
-        s.heading_variance + (limited(squares, 1 << 28) << 1), VARIANCE_LEAST, THETA_MOST
+        s.heading_variance + (limited(squares, 1 << 28) << 1), VARIANCE_MIN, THETA_MAX
     )
     limit_heading(s, g)
 
 
 def raise_tilt_sigma(s: State, angle: I32) -> None:
     """Raises the deviation of the tilt to at least this, rad, Q28."""
-    if angle > TILT_SIGMA_MOST:
-        angle = TILT_SIGMA_MOST
+    if angle > TILT_SIGMA_MAX:
+        angle = TILT_SIGMA_MAX
     if angle > s.extra_tilt_sigma:
         s.extra_tilt_sigma = angle
 

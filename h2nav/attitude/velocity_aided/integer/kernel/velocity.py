@@ -6,15 +6,15 @@ Source: docs/fixed-point.md Eq. (23) to (25); docs/filter.md Eq. (5), (8) to (11
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
-    CORRECTION_MOST,
+    CORRECTION_MAX,
     GAINED_MASK,
-    INNOVATION_MOST,
-    LEVEL_MOST,
-    LOG_MOST,
-    MOST_REJECTED,
+    INNOVATION_MAX,
+    LEVEL_MAX,
+    LOG_MAX,
+    MAX_REJECTED,
     SETS,
-    THETA_MOST,
-    VELOCITY_MOST,
+    THETA_MAX,
+    VELOCITY_MAX,
     Gains,
     Sample,
     State,
@@ -24,9 +24,9 @@ from .derived import begin_bias, forget_velocity
 from .functions import bits_of, limited, logarithm, mantissa, power2, product, ratio
 from .tilt import restart_tilt
 
-FORCED_MOST = 113600  # three axes at 16 g, Q12
+FORCED_MAX = 113600  # three axes at 16 g, Q12
 Q24 = 24 << 8
-EASE_MOST = 21 << 8
+EASE_MAX = 21 << 8
 
 
 def accelerate(s: State, sample: Sample, r: list[I32]) -> None:
@@ -49,14 +49,14 @@ def accelerate(s: State, sample: Sample, r: list[I32]) -> None:
     s.velocity_carry_e = east & 8191
     # a turn keeps the length (Lemma 2); 1.0486 us is 2^-20 s
     time = (sample.dt_us * 34360 + 16384) >> 15
-    north = (known(north >> 13, -FORCED_MOST, FORCED_MOST) * time + 128) >> 8
-    east = (known(east >> 13, -FORCED_MOST, FORCED_MOST) * time + 128) >> 8
-    s.velocity_n = limited(s.velocity_n + north, VELOCITY_MOST)
-    s.velocity_e = limited(s.velocity_e + east, VELOCITY_MOST)
+    north = (known(north >> 13, -FORCED_MAX, FORCED_MAX) * time + 128) >> 8
+    east = (known(east >> 13, -FORCED_MAX, FORCED_MAX) * time + 128) >> 8
+    s.velocity_n = limited(s.velocity_n + north, VELOCITY_MAX)
+    s.velocity_e = limited(s.velocity_e + east, VELOCITY_MAX)
     if sample.aided > 0:
         # only a measured velocity shows the heading: a bounded one is bounded in any direction
-        s.dvelocity_n[3] = limited(s.dvelocity_n[3] - (east >> 1), THETA_MOST)
-        s.dvelocity_e[3] = limited(s.dvelocity_e[3] + (north >> 1), THETA_MOST)
+        s.dvelocity_n[3] = limited(s.dvelocity_n[3] - (east >> 1), THETA_MAX)
+        s.dvelocity_e[3] = limited(s.dvelocity_e[3] + (north >> 1), THETA_MAX)
         s.gained_n = (s.gained_n + north) & GAINED_MASK
         s.gained_e = (s.gained_e + east) & GAINED_MASK
 
@@ -66,11 +66,11 @@ def change_aiding(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
     forget_velocity(s)
     s.dtilt_n[3] = 0
     s.dtilt_e[3] = 0
-    s.velocity_n = known((sample.forward_speed * r[0]) >> 2, -VELOCITY_MOST, VELOCITY_MOST)
-    s.velocity_e = known((sample.forward_speed * r[3]) >> 2, -VELOCITY_MOST, VELOCITY_MOST)
+    s.velocity_n = known((sample.forward_speed * r[0]) >> 2, -VELOCITY_MAX, VELOCITY_MAX)
+    s.velocity_e = known((sample.forward_speed * r[3]) >> 2, -VELOCITY_MAX, VELOCITY_MAX)
     s.gained_n = 0
     s.gained_e = 0
-    s.fixes_rejected = MOST_REJECTED
+    s.fixes_rejected = MAX_REJECTED
     s.tilt_suspect = 0
     s.aided = sample.aided
     s.fix_period_us = 0
@@ -109,27 +109,25 @@ def correct_velocity(s: State, sample: Sample, r: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (10); docs/fixed-point.md Eq. (23).
     """
-    north = limited(((sample.forward_speed * r[0]) >> 2) - s.velocity_n, INNOVATION_MOST)
-    east = limited(((sample.forward_speed * r[3]) >> 2) - s.velocity_e, INNOVATION_MOST)
+    north = limited(((sample.forward_speed * r[0]) >> 2) - s.velocity_n, INNOVATION_MAX)
+    east = limited(((sample.forward_speed * r[3]) >> 2) - s.velocity_e, INNOVATION_MAX)
     # at most sixteen samples since the sums were zero
-    s.innovation_sum_n = known(s.innovation_sum_n + (north >> 4), -INNOVATION_MOST, INNOVATION_MOST)
-    s.innovation_sum_e = known(s.innovation_sum_e + (east >> 4), -INNOVATION_MOST, INNOVATION_MOST)
+    s.innovation_sum_n = known(s.innovation_sum_n + (north >> 4), -INNOVATION_MAX, INNOVATION_MAX)
+    s.innovation_sum_e = known(s.innovation_sum_e + (east >> 4), -INNOVATION_MAX, INNOVATION_MAX)
     # without aiding the gains are those of a frame, never larger than one
     gain = s.k_tilt_m
     shift = known(s.k_tilt_s, 0, 31)
-    s.correction[0] = limited(
-        s.correction[0] + (product(east << 1, gain) >> shift), CORRECTION_MOST
-    )
+    s.correction[0] = limited(s.correction[0] + (product(east << 1, gain) >> shift), CORRECTION_MAX)
     s.correction[1] = limited(
-        s.correction[1] - (product(north << 1, gain) >> shift), CORRECTION_MOST
+        s.correction[1] - (product(north << 1, gain) >> shift), CORRECTION_MAX
     )
     gain = s.k_velocity_m
     shift = known(s.k_velocity_s, 0, 31)
     s.velocity_n = limited(
-        s.velocity_n + (((product(north << 2, gain) >> shift) + 32) >> 6), VELOCITY_MOST
+        s.velocity_n + (((product(north << 2, gain) >> shift) + 32) >> 6), VELOCITY_MAX
     )
     s.velocity_e = limited(
-        s.velocity_e + (((product(east << 2, gain) >> shift) + 32) >> 6), VELOCITY_MOST
+        s.velocity_e + (((product(east << 2, gain) >> shift) + 32) >> 6), VELOCITY_MAX
     )
 
 
@@ -150,8 +148,8 @@ def judge_bounded(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     slow = ratio(time_us, g.innovation_mean_time_us + time_us)
     north = s.innovation_n - s.innovation_mean_n
     east = s.innovation_e - s.innovation_mean_e
-    s.innovation_mean_n = limited(s.innovation_mean_n + product(north, slow), INNOVATION_MOST)
-    s.innovation_mean_e = limited(s.innovation_mean_e + product(east, slow), INNOVATION_MOST)
+    s.innovation_mean_n = limited(s.innovation_mean_n + product(north, slow), INNOVATION_MAX)
+    s.innovation_mean_e = limited(s.innovation_mean_e + product(east, slow), INNOVATION_MAX)
     s.innovation_variance = raised(s.innovation_variance, square_of(north, east), share)
     return 0
 
@@ -171,7 +169,7 @@ def choose_bounded(s: State, g: Gains) -> None:
     log_rate = (17 << 8) - logarithm(s.frame_time | 1) + ((kept * 369) >> 15)
     noise = density(floor, g.velocity_correlation, g.velocity_ceiling, s.innovation_variance)
     log_noise = logarithm(noise) - Q24 + g.log_bias_inflation + log_rate + s.log_startup_inflation
-    s.log_noise = clamp(log_noise, -LOG_MOST, LOG_MOST)
+    s.log_noise = clamp(log_noise, -LOG_MAX, LOG_MAX)
 
 
 def square_of(north: I32, east: I32) -> I32:
@@ -191,8 +189,8 @@ def level_share(s: State, g: Gains, time_us: I32) -> I32:
 
 def raised(level: I32, square: I32, share: I32) -> I32:
     """A level moved towards a new value by its share."""
-    change = product(limited(square, LEVEL_MOST) - level, share)
-    return clamp(level + change, 0, LEVEL_MOST)
+    change = product(limited(square, LEVEL_MAX) - level, share)
+    return clamp(level + change, 0, LEVEL_MAX)
 
 
 def density(floor: I32, correlation: I32, ceiling: I32, level: I32) -> I32:
@@ -250,5 +248,5 @@ def set_ease(s: State, g: Gains) -> None:
     """
     # 1 + (t_0 / t)^4 with 8 fraction bits
     ramp = (logarithm(g.startup_time_us | 1) - logarithm(s.age_us | 1)) << 2
-    ease = power2(clamp(ramp, -LOG_MOST, EASE_MOST) + (8 << 8)) + 256
-    s.log_startup_inflation = clamp(logarithm(ease) - (8 << 8), 0, LOG_MOST)
+    ease = power2(clamp(ramp, -LOG_MAX, EASE_MAX) + (8 << 8)) + 256
+    s.log_startup_inflation = clamp(logarithm(ease) - (8 << 8), 0, LOG_MAX)
