@@ -14,7 +14,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from layouts import COLOURS, TABS, Plot
 
-from h2nav.recordings.recording import McapRecording, open_recording
+from h2nav.recordings.mcap_recording import McapRecording
+from h2nav.recordings.recording import open_recording
 
 # The time line that Rerun gives to the messages of an MCAP.
 LOG_TIME = "message_log_time"

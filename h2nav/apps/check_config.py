@@ -75,7 +75,7 @@ def checked(path: Path) -> Configuration:
     """Reads the configuration of a file; raises BadInput if the daemon would refuse it."""
     chosen = configuration.read(path)
     try:
-        FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+        FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz).check()
     except BadInput as error:
         raise BadInput(*(f"{path}: filter.gains: {line}" for line in error.lines)) from None
     if chosen.signing.key_file:

@@ -15,10 +15,10 @@ from h2nav.attitude import native
 from h2nav.errors import BadInput
 from h2nav.files import plain_yaml
 from h2nav.log.folder import MIB, LogLimits
-from h2nav.log.recorder import Recorder
 from h2nav.validation import shown
 
-if TYPE_CHECKING:  # the daemon imports this module, and needs no numpy
+if TYPE_CHECKING:  # the daemon imports this module, and needs no numpy; a replay may write no log
+    from h2nav.log.recorder import Recorder
     from h2nav.recordings.recording import Recording
 
 
@@ -29,10 +29,12 @@ YAML_TYPE = "application/yaml"
 LATEST_UNIX_S = 4_102_444_800.0  # the year 2100
 
 
-def open_recorder(settings: LogSettings, unix_offset_ns: int) -> Recorder | None:
+def open_recorder(settings: LogSettings, unix_offset_ns: int) -> "Recorder | None":
     """Creates the daemon's log; None if none is configured."""
     if not settings.folder:
         return None
+    from h2nav.log.recorder import Recorder
+
     return Recorder(
         Path(settings.folder),
         log_limits(settings),
@@ -53,7 +55,7 @@ def log_limits(settings: LogSettings) -> LogLimits:
 
 
 def attach_inputs(
-    recorder: Recorder, chosen: Configuration, filters: FilterFactory, unix_s: float
+    recorder: "Recorder", chosen: Configuration, filters: FilterFactory, unix_s: float
 ) -> None:
     """Writes configuration, gains and provenance at the beginning of a log.
 

@@ -11,7 +11,6 @@ from h2nav.apps.link_signing import LinkSigning
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Finding, Phase, Severity
 from h2nav.links.link_statistics import LinkStatistics
-from h2nav.log.recorder import Recorder
 from h2nav.service.effects import Effect, Found, Notice, Record, Send, Used
 from h2nav.service.records import (
     FINDING_TOPIC,
@@ -28,8 +27,9 @@ from h2nav.wire.readers import READERS, Envelope, Message, message_name
 from h2nav.wire.refused import Refused
 from h2nav.wire.signing import without_signature
 
-if TYPE_CHECKING:  # loaded where there is a live view
+if TYPE_CHECKING:  # loaded where there is a live view, or a log is written
     from h2nav.links.live_feed import LiveFeed
+    from h2nav.log.recorder import Recorder
 
 LINK_NAME = "autopilot"
 # More bytes, for longer than this, without a frame are not a boot text.
@@ -85,7 +85,7 @@ class Outlets(NamedTuple):
     # be recovered exactly from a log
     unix_ns: Callable[[int], int]
     send: Callable[[bytes], object] | None  # puts a frame on the link; None in a replay
-    recorder: Recorder | None  # the log; None without one
+    recorder: "Recorder | None"  # the log; None without one
     watcher: Watcher  # observes frames and estimates
     observer: Observer | None = None  # observes all records; None = not needed
     live: "LiveFeed | None" = None  # the live view's feed; None without one

@@ -7,7 +7,7 @@ import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from h2nav.airframes.features import FlightRow
 from h2nav.apps import configuration
@@ -19,7 +19,6 @@ from h2nav.apps.pipeline import Observer, Outlets, Pipeline, PlayedFrames, Watch
 from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.errors import BadInput
 from h2nav.files.earth_field import earth_field_at
-from h2nav.log.recorder import Recorder
 from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.imported import ImportedLog
 from h2nav.recordings.imu_frames import ImuFrames
@@ -29,6 +28,9 @@ from h2nav.service.service import Service, Surroundings
 from h2nav.wire.arrivals import Arrivals
 from h2nav.wire.deframer import DeframerCounters
 from h2nav.wire.frame_scan import FoundFrames, FrameScan
+
+if TYPE_CHECKING:  # loaded where a log is written
+    from h2nav.log.recorder import Recorder
 
 Source = Recording | ImportedLog
 TICK_NS = 100_000_000
@@ -104,8 +106,11 @@ def inputs_for(recording: Source, wished: Wishes) -> Inputs:
         filters = FilterFactory.recorded(
             chosen.filter, chosen.autopilot.imu_rate_hz, recorded.gain_files
         )
+        filters.check()
         return Inputs(chosen, filters, recorded.unix_s, True, whole_frames)
     filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+    if chosen.filter.gains != "auto":  # the user's own; of the shipped ones most are not needed
+        filters.check()
     return Inputs(chosen, filters, date_of(recording, recorded), False, whole_frames)
 
 
@@ -153,7 +158,7 @@ def _recorded(recording: Source, *, has_own: bool) -> RecordedInputs | None:
 def pipeline_for(
     recording: Source,
     inputs: Inputs,
-    recorder: Recorder | None,
+    recorder: "Recorder | None",
     watcher: Watcher,
     filter_for: FilterFor | None = None,
     observer: Observer | None = None,

@@ -8,7 +8,7 @@ from pathlib import Path
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
-from h2nav.log.reader import is_mcap
+from h2nav.log.magic import is_mcap
 from h2nav.wire.deframer import Frame
 
 Progress = Callable[[int, int], None]

@@ -6,20 +6,18 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING, Any
 
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_contents import attach_inputs
+from h2nav.apps.log_progress import byte_bar
 from h2nav.apps.pipeline import Pipeline
 from h2nav.apps.playback import Playback
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import TaskFailed
 from h2nav.integrity.findings import Severity, as_mapping
-from h2nav.log.recorder import Recorder
 from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import open_flight
@@ -29,6 +27,9 @@ from h2nav.recordings.smoothed import smoothed, smoothed_record
 from h2nav.service.records import EstimateRecord, estimate_record
 from h2nav.wire.deframer import Frame
 from h2nav.wire.readers import Message
+
+if TYPE_CHECKING:  # loaded where a log is written
+    from h2nav.log.recorder import Recorder
 
 ESTIMATE_TOPIC = "/estimate"
 SMOOTHED_TOPIC = "/smoothed"
@@ -65,6 +66,8 @@ def run(args: argparse.Namespace) -> int:
     output = None if args.no_log else (args.output or _free_name(args.log))
     recorder = None
     if output is not None:
+        from h2nav.log.recorder import Recorder
+
         recorder = Recorder.to_file(output, recording.unix_offset_ns)
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)
     # A second pass over the file, in step with the first, yields the estimates to compare with.
@@ -80,10 +83,9 @@ def run(args: argparse.Namespace) -> int:
     smoothed_table = None
     started_s = time.perf_counter()
     try:
-        total = recording.progress[1]
-        with tqdm(total=total, unit="B", unit_scale=True, disable=not sys.stderr.isatty()) as bar:
+        with byte_bar("replaying") as progress:
             for _ in played.through(pipeline, before=listener.arrives):
-                bar.update(recording.progress[0] - bar.n)
+                progress(*recording.progress)
         watcher.reference.tables(tables.tables())
         elapsed_s = time.perf_counter() - started_s
         if args.smooth:
@@ -109,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _smooth(
-    listener: Listener, filters: FilterFactory, recorder: Recorder | None, offset_ns: int
+    listener: Listener, filters: FilterFactory, recorder: "Recorder | None", offset_ns: int
 ) -> TimedEstimates:
     """The smoothed estimates, which are also logged."""
     estimates = TimedEstimates()
@@ -121,7 +123,7 @@ def _smooth(
     return estimates
 
 
-def _loss(recorder: Recorder) -> str | None:
+def _loss(recorder: "Recorder") -> str | None:
     """What is missing in the log, and why; None if it is complete."""
     if not recorder.dropped and recorder.trouble is None:
         return None

@@ -63,6 +63,7 @@ class Session:
         own_socket: Path | None = None,
     ) -> None:
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
+        filters.check()
         signing = configuration.signing
         self._signing = LinkSigning(signing) if signing.key_file else None
         self._live = _live_view(configuration)

@@ -13,8 +13,8 @@ from typing import BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
-from mcap.writer import MCAP0_MAGIC
 
+from h2nav.log.magic import MAGIC
 from h2nav.log.records import (
     HEAD,
     LARGEST_RECORD,
@@ -68,8 +68,8 @@ class LogScan:
     def entries(self) -> Iterator[LogEntry]:
         """Yields all intact records in order, up to the end of the data section."""
         self._stream.seek(0)
-        offset = len(MCAP0_MAGIC)
-        if self._stream.read(offset) != MCAP0_MAGIC:
+        offset = len(MAGIC)
+        if self._stream.read(offset) != MAGIC:
             self._skip(0, min(offset, self.size))
         while offset < self.size and not self.ended:
             entry = self._entry_at(offset)
@@ -127,20 +127,12 @@ class LogScan:
         return None
 
 
-def is_mcap(path: Path) -> bool:
-    """Whether the file begins like an MCAP file; up to two bytes may be damaged."""
-    with path.open("rb") as stream:
-        start = stream.read(len(MCAP0_MAGIC))
-    equal = sum(a == b for a, b in zip(start, MCAP0_MAGIC, strict=False))
-    return equal >= len(MCAP0_MAGIC) - 2
-
-
 def is_closed(path: Path) -> bool:
     """Whether the file ends as a closed MCAP file does."""
     with path.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
-        stream.seek(max(0, size - len(MCAP0_MAGIC)))
-        return size > 2 * len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
+        stream.seek(max(0, size - len(MAGIC)))
+        return size > 2 * len(MAGIC) and stream.read() == MAGIC
 
 
 class Definitions:
@@ -201,8 +193,8 @@ def _summary(path: Path) -> bytes:
         return b""
     with path.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
-        footer = size - len(MCAP0_MAGIC) - _FOOTER.size
-        if footer < len(MCAP0_MAGIC):
+        footer = size - len(MAGIC) - _FOOTER.size
+        if footer < len(MAGIC):
             return b""
         stream.seek(footer)
         opcode, _, start, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))

@@ -9,7 +9,8 @@ from mcap.records import Attachment, Metadata
 
 from h2nav.errors import BadInput
 from h2nav.log.account import Account, LogAccount, LoggedDifference, StateSpan
-from h2nav.log.reader import Directory, LogScan, is_closed, is_mcap, records_of
+from h2nav.log.magic import is_mcap
+from h2nav.log.reader import Directory, LogScan, is_closed, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import StoredMessage, message, parse
 

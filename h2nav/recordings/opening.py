@@ -3,11 +3,9 @@
 from pathlib import Path
 
 from h2nav.errors import BadInput
-from h2nav.recordings.dataflash import open_dataflash
 from h2nav.recordings.dataflash_tables import is_dataflash
 from h2nav.recordings.imported import ImportedLog
 from h2nav.recordings.recording import Recording, open_recording
-from h2nav.recordings.ulog import open_ulog
 from h2nav.recordings.ulog_tables import is_ulog
 
 PROBE_BYTES = 4096
@@ -29,8 +27,13 @@ def open_flight(path: Path | str) -> Source:
             start = stream.read(PROBE_BYTES)
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+    # An importer is loaded for its recordings only.
     if is_dataflash(start):
+        from h2nav.recordings.dataflash import open_dataflash
+
         return open_dataflash(path)
     if is_ulog(start):
+        from h2nav.recordings.ulog import open_ulog
+
         return open_ulog(path)
     return open_recording(path)

@@ -1,24 +1,19 @@
 """Any recording as received bytes with their times: telemetry log, raw bytes, MCAP of h2nav."""
 
-import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import orjson
-from mcap.opcode import Opcode
-from mcap.records import Attachment as AttachmentRecord
-from mcap.records import Metadata
 
 from h2nav.errors import BadInput
-from h2nav.log.file import RAW_ENCODING, Attachment
-from h2nav.log.reader import Directory, LogScan, is_mcap, records_of
-from h2nav.log.recorder import RECEIVED_TOPIC
-from h2nav.log.records import StoredMessage, message, parse
-from h2nav.wire.arrivals import BATCH_BYTES, Arrivals, gathered
+from h2nav.log.magic import is_mcap
+from h2nav.wire.arrivals import BATCH_BYTES, Arrivals
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.tlog import TlogReader, looks_like_tlog
+
+if TYPE_CHECKING:  # loaded for our own logs only
+    from h2nav.log.file import Attachment
 
 NS_PER_S = 1_000_000_000
 SYNTHETIC_BYTES_S = 11_520  # a serial line at 115,200 baud, the usual source of raw captures
@@ -86,7 +81,7 @@ class TlogRecording(Recording):
             for batch in reader.batches():
                 self.progress = (reader.position, self.progress[1])
                 yield batch
-            self.notes = _nonzero(
+            self.notes = nonzero(
                 damaged_bytes=reader.damaged_bytes,
                 corrected_times=reader.corrected_times,
                 clock_steps_back=reader.clock_steps_back,
@@ -116,66 +111,6 @@ class BytesRecording(Recording):
                 yield Arrivals(data, starts, ends, t_ns, framed=False)
 
 
-class McapRecording(Recording):
-    """A log of h2nav, closed or cut off, intact or damaged; read front to back only."""
-
-    kind = "mcap"
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._read_outline()
-        about = self.metadata.get("recording", {})
-        with contextlib.suppress(ValueError):
-            self.unix_offset_ns = int(about.get("unix_offset_ns", "0"))
-
-    def batches(self) -> Iterator[Arrivals]:
-        """Yields each received piece with its exact monotonic time, in order of arrival."""
-        return gathered(self.received())
-
-    def received(self) -> Iterator[tuple[int, bytes]]:
-        """Yields single arrivals."""
-        for topic, _, stored in self._messages(RAW_ENCODING):
-            if topic.startswith(RECEIVED_TOPIC):
-                yield stored.log_ns - self.unix_offset_ns, stored.data
-
-    def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yields the records of `topic` as written; NaN reads as None."""
-        for found, encoding, stored in self._messages("json"):
-            if found == topic and encoding == "json":
-                yield stored.log_ns, orjson.loads(stored.data)
-
-    def _read_outline(self) -> None:
-        """Reads attachments and metadata, wherever they are in the file."""
-        with self.path.open("rb") as stream:
-            for entry in LogScan(stream, outline=True).entries():
-                if entry.opcode == Opcode.ATTACHMENT:
-                    found = parse(AttachmentRecord.read, entry.body)
-                    attachment = Attachment(found.name, found.media_type, found.data)
-                    self.attachments[found.name] = attachment
-                elif entry.opcode == Opcode.METADATA:
-                    texts = parse(Metadata.read, entry.body)
-                    self.metadata[texts.name] = texts.metadata
-
-    def _messages(self, wanted: str) -> Iterator[tuple[str, str, StoredMessage]]:
-        """Yields topic, encoding and message of every channel of the encoding `wanted`."""
-        directory = Directory(self.path)
-        with self.path.open("rb") as stream:
-            scan = LogScan(stream)
-            for entry in scan.entries():
-                self.progress = (scan.position, scan.size)
-                for opcode, body in records_of(entry):
-                    if opcode != Opcode.MESSAGE:
-                        directory.note(opcode, body)
-                        continue
-                    stored = message(body)
-                    channel = directory.channel(stored.channel_id)
-                    if channel is not None and channel.message_encoding == wanted:
-                        yield channel.topic, channel.message_encoding, stored
-            self.notes = _nonzero(
-                damaged_records=scan.damaged_records, skipped_bytes=scan.skipped_bytes
-            )
-
-
 def open_recording(path: Path | str) -> Recording:
     """Opens a recording; its content decides the kind.
 
@@ -189,6 +124,8 @@ def open_recording(path: Path | str) -> Recording:
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
     if start and is_mcap(path):
+        from h2nav.recordings.mcap_recording import McapRecording
+
         return McapRecording(path)
     if looks_like_tlog(start[:4096]):
         return TlogRecording(path)
@@ -201,5 +138,6 @@ def open_recording(path: Path | str) -> Recording:
     )
 
 
-def _nonzero(**counts: int) -> dict[str, int]:
+def nonzero(**counts: int) -> dict[str, int]:
+    """Of some counts those that are not zero."""
     return {reason: count for reason, count in counts.items() if count}

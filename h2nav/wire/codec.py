@@ -4,6 +4,7 @@ Decoding returns an immutable record per message: ``RAW_IMU(time_usec=..., xacc=
 named and ordered as in the dialect. Encoding takes pymavlink's own message objects.
 """
 
+import functools
 from collections import namedtuple
 from collections.abc import Callable
 from operator import itemgetter
@@ -48,9 +49,11 @@ def decode(frame: Frame) -> Any:
     return DECODERS[frame.msg_id](frame.payload)
 
 
+@functools.cache
 def record_type(msg_id: int) -> type[Any]:
     """The NamedTuple class of a message id; KeyError for an unknown id."""
-    return _RECORDS[msg_id]
+    layout = LAYOUTS[msg_id]
+    return namedtuple(layout.name, layout.field_names)
 
 
 class _Sender(ardupilotmega.MAVLink):  # type: ignore[misc]
@@ -141,10 +144,13 @@ def _text(value: bytes) -> str:
     return value.split(b"\0", 1)[0].decode("utf-8", errors="replace")
 
 
-_RECORDS: dict[int, type[Any]] = {
-    msg_id: namedtuple(layout.name, layout.field_names) for msg_id, layout in LAYOUTS.items()
-}
-DECODERS: dict[int, Callable[[bytes], Any]] = {
-    msg_id: _decoder(layout, _RECORDS[msg_id]) for msg_id, layout in LAYOUTS.items()
-}
+class _Decoders(dict[int, Callable[[bytes], Any]]):
+    """Made when they are first asked for: of 300 messages a program reads some dozens."""
+
+    def __missing__(self, msg_id: int) -> Callable[[bytes], Any]:
+        made = self[msg_id] = _decoder(LAYOUTS[msg_id], record_type(msg_id))
+        return made
+
+
+DECODERS = _Decoders()
 """Message id -> decoder of its payload."""

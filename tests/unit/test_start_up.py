@@ -41,6 +41,7 @@ PACKAGES = {
     ("check-config", "/nonexistent"): CONFIGURATION,
     ("setup", "--help"): CONFIGURATION | {"serial", "tqdm"},
     ("run", "--connect", "nonsense"): DAEMON,
+    ("replay", "--no-log", "/nonexistent"): CONFIGURATION | {"numpy", "orjson"},
     ("check", "--connect", "nonsense"): DAEMON | {"pygeomag"},
 }
 # Slow ones of the standard library.

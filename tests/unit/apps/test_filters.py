@@ -43,5 +43,5 @@ def test_a_gain_file_of_a_former_kind_serves_the_filter() -> None:
     former = text.replace("kind: velocity_aided", "kind: shaped")
     file = parse_gain_file(plain_yaml.parse_bytes(former.encode(), "old"), "old")
     assert (file.kind, file.filter_name) == ("shaped", "velocity_aided")
-    factory = FilterFactory(FilterSettings(), {"multirotor": "old"}, {"old": file})
+    factory = FilterFactory(FilterSettings(), {"multirotor": "old"}, {"old": file}.__getitem__)
     assert factory.filter_for(COPTER).name == "velocity_aided"
