@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.dataflash_tables import FIELDS, FMT_BYTES, FMT_TYPE, HEAD
 from h2nav.recordings.ulog_tables import MAGIC, TYPES
 from h2nav.sim.imu_model import MPU_9250, GyroSampling, ImuBatch, ImuModel, readings
 from h2nav.sim.scenarios import scenario
-from h2nav.sim.vehicle import EARTH_RADIUS_M, HOME
+from h2nav.sim.vehicle import HOME
 
 Times = NDArray[np.int64]
 Values = NDArray[np.float64]

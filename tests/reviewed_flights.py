@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from h2nav.maths.rows import product
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.context import (
     Array,
     AttitudeTrack,
@@ -20,7 +20,7 @@ from h2nav.reviews.flight import EarthFields, Estimates, Flight, Ratios
 from h2nav.reviews.inertial import conjugate, exponential, rotate
 from h2nav.sim.imu_model import MPU_9250, GyroSampling, ImuModel, SensorReadings, readings
 from h2nav.sim.scenarios import scenario
-from h2nav.sim.vehicle import EARTH_RADIUS_M, HOME
+from h2nav.sim.vehicle import HOME
 
 RATE_HZ = 100
 DURATION_S = 120.0

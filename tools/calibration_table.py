@@ -27,11 +27,10 @@ from h2nav.calibration.level import calibrate_level
 from h2nav.calibration.regression import part_of
 from h2nav.calibration.settings import CompassSettings, ardupilot_compass, px4_compass
 from h2nav.calibration.vehicle import calibrate
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, MG_PER_UT
 from h2nav.recordings.opening import open_flight
 from h2nav.reviews.inertial import attitudes, conjugate, rotate
 
-MG_PER_UT = 10.0
 # As every ArduPilot simulator starts.
 DEFAULTS = {"COMPASS_OFS_X": 5.0, "COMPASS_OFS_Y": 13.0, "COMPASS_OFS_Z": -18.0}
 DEFAULTS |= {"COMPASS_EXTERNAL": 1.0, "COMPASS_ORIENT": 0.0}

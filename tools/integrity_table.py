@@ -31,6 +31,7 @@ from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
 from h2nav.maths.attitude_errors import BEYOND
 from h2nav.maths.rows import from_euler
+from h2nav.maths.units import SECOND_NS
 from h2nav.recordings.recording import open_recording
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings
@@ -41,7 +42,6 @@ from h2nav.sim.scenarios import SCENARIOS, scenario
 from h2nav.wire import codec
 from h2nav.wire.deframer import Deframer, Frame
 
-SECOND_NS = 1_000_000_000
 START_NS = 1_000 * SECOND_NS
 UNIX_S = 1_795_000_000.0
 GRID_NS = 10_000_000

@@ -31,12 +31,12 @@ from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
 from h2nav.links.link_statistics import LinkStatistics
 from h2nav.log.recorder import Recorder
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.service import Service, Surroundings
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire import codec
 from h2nav.wire.deframer import Deframer, Frame
 
-SECOND_NS = 1_000_000_000
 UNIX_S = 1_795_000_000
 START_NS = 1_000 * SECOND_NS
 CLOCK = 1 << 32

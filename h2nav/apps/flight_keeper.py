@@ -17,10 +17,10 @@ from h2nav.flights.records import FlightsRecord
 from h2nav.integrity.severity import Severity
 from h2nav.log.folder import our_logs
 from h2nav.log.recorder import Recorder
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service
 
-SECOND_NS = 1_000_000_000
 LOOK_NS = SECOND_NS // 10
 # The log of a flight ends this long after disarming: the last texts and findings belong to it.
 SETTLED_NS = 3 * SECOND_NS

@@ -27,13 +27,13 @@ from h2nav.links.live_feed import (
     feed_sockets,
 )
 from h2nav.log.folder import MIB
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Notice
 from h2nav.service.records import FINDING_TOPIC, finding_record
 from h2nav.service.service import Service
 
 LOOK_NS = 100_000_000
 STATUS_NS = 200_000_000
-SECOND_NS = 1_000_000_000
 FIRST_PAUSE_NS = SECOND_NS
 LONGEST_PAUSE_NS = 60 * SECOND_NS
 # A viewer that has run for this long works.

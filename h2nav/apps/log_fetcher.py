@@ -12,6 +12,7 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.fetch.log_fetch import HEARD, FetchState, LogFetch
 from h2nav.integrity.severity import Severity
 from h2nav.links.link_urls import SerialUrl, parse_link_url
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Identity
 from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service
@@ -19,7 +20,6 @@ from h2nav.wire import codec
 from h2nav.wire.deframer import Frame
 from h2nav.wire.outbound import OutMessage
 
-SECOND_NS = 1_000_000_000
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 # A link without a baud rate counts as a serial line of this rate.

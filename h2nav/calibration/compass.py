@@ -48,9 +48,8 @@ from h2nav.calibration.settings import (
     px4_compass,
     px4_values,
 )
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, MG_PER_UT
 
-MG_PER_UT = 10.0
 MIN_ROWS = 50
 # More than an offset requires 15 s of each half of the blocks.
 MIN_RICH_ROWS = 75

@@ -16,9 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.fetch.file_transfer import DATA_BYTES, FileError, FileMessage, FileOpcode, entries
 from h2nav.fetch.gaps import Gaps
+from h2nav.maths.units import SECOND_NS
 from h2nav.wire.outbound import Address, OutMessage
 
-SECOND_NS = 1_000_000_000
 # A window lasts this long at the share of the link, so that little is on its way when it stops.
 FETCH_WINDOW_S = 0.08
 LOG_DATA_BYTES = 90

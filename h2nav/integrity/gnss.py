@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import EARTH_RADIUS_M
 
 # States of MAVLink's GPS_JAMMING_STATE and GPS_SPOOFING_STATE, and of PX4's sensor_gps.
 MITIGATED, DETECTED = 2, 3
@@ -30,7 +31,6 @@ CLAIMED_M_S = 1.5
 APART_M = 30.0
 APART_M_S = 3.0
 APART_US = 5_000_000
-EARTH_RADIUS_M = 6_371_000.0
 GPS = Sensor(SensorKind.GPS)
 
 

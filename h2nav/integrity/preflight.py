@@ -26,7 +26,7 @@ from h2nav.integrity.rest_windows import (
     mean,
 )
 from h2nav.maths.quaternion import conjugate, rotate
-from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.maths.units import DEG, GRAVITY_M_S2, MG_PER_UT
 
 MIN_FIXES = 15
 # Zero-rate output after a calibration at power-on: 2 deg/s is beyond BMI088 and ICM-20602 without
@@ -43,7 +43,6 @@ COMPASS_APART_RAD = 45.0 * DEG
 FIELD_SHARE, FIELD_DIP_RAD = 0.35, 20.0 * DEG
 # Of the level part of a calibrated field: ARMING_MAGTHRESH of ArduPilot, 100 mG.
 FIELD_LEVEL_UT = 10.0
-MG_PER_UT = 10.0
 # The autopilot's vertical against the force.
 TILT_RAD = 6.0 * DEG
 # Its heading against the compasses: one that passes by the limits above may be wrong by 26 deg.

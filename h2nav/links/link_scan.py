@@ -16,6 +16,7 @@ from typing import NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.links.links import Link, open_link
+from h2nav.maths.units import SECOND_NS
 from h2nav.wire import outbound, vehicle
 from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer, Frame
@@ -30,7 +31,6 @@ LISTEN_S = 1.6
 MEASURE_S = 3.0
 ASK_AGAIN_S = 1.0
 TURN_S = 0.05
-NS = 1_000_000_000
 COMPONENT_ID = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 # By chance, a frame of a known id with a matching 16-bit checksum is rare, but noise is long.
 MIN_FRAMES = 2
@@ -149,10 +149,10 @@ class _Ear:
             for frame in self._deframer.feed(data):
                 self._take(frame, now_ns)
         if self._heard_ns is None:
-            if now_ns - self._since_ns > LISTEN_S * NS:
+            if now_ns - self._since_ns > LISTEN_S * SECOND_NS:
                 self._give_up(now_ns)
-        elif now_ns - self._heard_ns > MEASURE_S * NS:
-            self._measured_s = (now_ns - self._heard_ns) / NS
+        elif now_ns - self._heard_ns > MEASURE_S * SECOND_NS:
+            self._measured_s = (now_ns - self._heard_ns) / SECOND_NS
             self.close()
         else:
             self._ask(now_ns)
@@ -223,7 +223,7 @@ class _Ear:
     def _ask(self, now_ns: int) -> None:
         """Asks every autopilot for its version until it answers."""
         assert self._link is not None
-        if now_ns - self._asked_ns < ASK_AGAIN_S * NS:
+        if now_ns - self._asked_ns < ASK_AGAIN_S * SECOND_NS:
             return
         self._asked_ns = now_ns
         for address in self._heartbeats:

@@ -24,7 +24,7 @@ KEYS = {"/comparison": "source", "/lanes": "imu", "/rejected": "reason", "/aidin
 MAX_CURRENT = 256
 COUNTING = ("/health", "/link", "/feed", "/recorder")
 COUNTED_OVER_NS = 800_000_000
-NS = 1e-9
+S_PER_NS = 1e-9
 
 
 class Seen(NamedTuple):
@@ -65,7 +65,7 @@ class _Counters:
         if self._before is None or self._now is None or self._now[0] <= self._before[0]:
             return None
         grown: float = getattr(self._now[1], name) - getattr(self._before[1], name)
-        return grown / ((self._now[0] - self._before[0]) * NS)
+        return grown / ((self._now[0] - self._before[0]) * S_PER_NS)
 
 
 class LiveState:
@@ -157,7 +157,7 @@ class LiveState:
 
     def age_s(self, heard_ns: int) -> float:
         """Time since `heard_ns`."""
-        return (self._clock() - heard_ns) * NS
+        return (self._clock() - heard_ns) * S_PER_NS
 
     def newest(self, topic: str, key: Any = None) -> Seen | None:
         """Returns the newest record of a topic.
@@ -190,6 +190,6 @@ class LiveState:
             if entry.finding.id == finding.id:
                 self._findings[place] = entry._replace(finding=finding)
                 return
-        began_ns = now_ns - round((finding.to_s - finding.from_s) / NS)
+        began_ns = now_ns - round((finding.to_s - finding.from_s) / S_PER_NS)
         self._findings.append(LiveReport(began_ns, finding))
         self.findings_begun += 1

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import orjson
 
 from h2nav.integrity.severity import Severity
+from h2nav.maths.units import SECOND_NS
 
 MAX_STATES = 1000
 MAX_REASONS = 500
 MAX_FINDINGS = 1000
 MAX_SOURCES = 20
-NS_PER_S = 1e9
 
 
 class StateSpan(NamedTuple):
@@ -87,7 +87,7 @@ class Account:
         """Returns the summary; `start_ns` is the beginning of the log."""
 
         def since_start(t_ns: int) -> float:
-            return (t_ns - start_ns) / NS_PER_S
+            return (t_ns - start_ns) / SECOND_NS
 
         states = [
             StateSpan(state, reason, since_start(from_ns), since_start(to_ns))

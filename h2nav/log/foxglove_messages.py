@@ -12,8 +12,7 @@ from google.protobuf.message import DecodeError
 
 from h2nav.attitude.samples import Quat
 from h2nav.integrity.severity import Severity
-
-NS_PER_S = 1_000_000_000
+from h2nav.maths.units import SECOND_NS
 
 
 class LogLevel(IntEnum):
@@ -58,7 +57,7 @@ class AttitudeMessages:
 
 def _filled(message: Any, rotation: Any, unix_ns: int, q_nb: Quat) -> bytes:
     stamp = message.timestamp
-    stamp.seconds, stamp.nanos = divmod(unix_ns, NS_PER_S)
+    stamp.seconds, stamp.nanos = divmod(unix_ns, SECOND_NS)
     rotation.w, rotation.x, rotation.y, rotation.z = q_nb
     serialized: bytes = message.SerializeToString()
     return serialized
@@ -68,7 +67,7 @@ def log_message(unix_ns: int, severity: Severity, text: str) -> bytes:
     """One ``foxglove.Log`` line; a path in it may hold bytes that are not text."""
     message: Any = Log(message=text.encode(errors="replace").decode(), name="h2nav")
     message.level = int(LEVELS[severity])
-    message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, NS_PER_S)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(unix_ns, SECOND_NS)
     serialized: bytes = message.SerializeToString()
     return serialized
 

@@ -24,6 +24,7 @@ from h2nav.log.ros_messages import definition, encode, full_name
 from h2nav.log.survey import Progress, require_mcap
 from h2nav.maths.frames import attitude_enu_flu_from_ned_frd, enu_from_ned, flu_from_frd
 from h2nav.maths.quaternion import Quat, Vec3
+from h2nav.maths.units import SECOND_NS
 
 MAP, BASE = "map", "base_link"
 TYPES = {
@@ -34,7 +35,6 @@ TYPES = {
     "/diagnostics": "diagnostic_msgs/DiagnosticArray",
     "/tf": "tf2_msgs/TFMessage",
 }
-NS_PER_S = 1_000_000_000
 METADATA_VERSION = 5  # of rosbag2 in Humble; later ones read it, and nothing of theirs is needed
 NOISE_SAMPLES = 100  # that a variance is made of
 TESLA_PER_UT = 1e-6
@@ -182,7 +182,7 @@ class _Times(NamedTuple):
     publish_ns: int
 
     def head(self, frame: str) -> tuple[int, int, str]:
-        return *divmod(self.publish_ns, NS_PER_S), frame
+        return *divmod(self.publish_ns, SECOND_NS), frame
 
 
 class _Noise:

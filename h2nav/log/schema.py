@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 
 import orjson
 
+from h2nav.maths.units import SECOND_NS
+
 LARGEST_JSON_INTEGER = 2**53 - 1
-NS_PER_S = 1_000_000_000
 
 # Longest ending first: gyro_x_rad_s is a rate, not a number of seconds.
 _UNITS = (
@@ -97,14 +98,14 @@ def unit_of(field_name: str) -> str:
 
 def time_object(t_ns: int) -> dict[str, int]:
     """Nanoseconds in the form that viewers accept as a time."""
-    sec, nsec = divmod(t_ns, NS_PER_S)
+    sec, nsec = divmod(t_ns, SECOND_NS)
     return {"sec": sec, "nsec": nsec}
 
 
 def time_from_object(value: Any) -> Any:
     """The nanoseconds of a `time_object`; any other value unchanged."""
     if isinstance(value, dict) and value.keys() == {"sec", "nsec"}:
-        return value["sec"] * NS_PER_S + value["nsec"]
+        return value["sec"] * SECOND_NS + value["nsec"]
     return value
 
 

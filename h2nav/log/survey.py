@@ -13,10 +13,10 @@ from h2nav.log.magic import is_mcap
 from h2nav.log.reader import Directory, LogScan, is_closed, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import StoredMessage, message, parse
+from h2nav.maths.units import SECOND_NS
 
 GAP_NS = 1_000_000_000
 MAX_GAPS = 100
-NS_PER_S = 1e9
 
 Progress = Callable[[int, int], None]
 
@@ -82,7 +82,7 @@ class _Tally:
 
     @property
     def rate_hz(self) -> float:
-        span_s = (self.last_ns - self.first_ns) / NS_PER_S
+        span_s = (self.last_ns - self.first_ns) / SECOND_NS
         return (self.messages - 1) / span_s if span_s > 0 else 0.0
 
 
@@ -163,7 +163,7 @@ def survey(path: Path, progress: Progress = lambda done, total: None) -> LogSurv
         file_bytes=path.stat().st_size,
         closed=is_closed(path),
         start_unix_ns=start_ns,
-        duration_s=(end_ns - start_ns) / NS_PER_S,
+        duration_s=(end_ns - start_ns) / SECOND_NS,
         topics=sorted(topics.values()),
         gaps=_gaps(topics, tallies, start_ns),
         attachments=attachments,
@@ -184,13 +184,13 @@ def _topic(directory: Directory, number: int, tally: _Tally) -> TopicSurvey:
         messages=tally.messages,
         data_bytes=tally.data_bytes,
         rate_hz=tally.rate_hz,
-        longest_gap_s=tally.longest_gap_ns / NS_PER_S,
+        longest_gap_s=tally.longest_gap_ns / SECOND_NS,
     )
 
 
 def _gaps(topics: dict[int, TopicSurvey], tallies: dict[int, _Tally], start_ns: int) -> list[Gap]:
     gaps = [
-        Gap(topics[number].topic, (at_ns - start_ns) / NS_PER_S, length_ns / NS_PER_S)
+        Gap(topics[number].topic, (at_ns - start_ns) / SECOND_NS, length_ns / SECOND_NS)
         for number, tally in tallies.items()
         for at_ns, length_ns in tally.gaps
         if topics[number].topic.startswith(RECEIVED_TOPIC)

@@ -16,9 +16,9 @@ from h2nav.errors import BadInput
 from h2nav.log.file import new_file
 from h2nav.log.reader import messages_of
 from h2nav.log.survey import Progress, require_mcap
+from h2nav.maths.units import SECOND_NS
 
 Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
-NS_PER_S = 1_000_000_000
 
 
 class TrajectoryResult(NamedTuple):
@@ -115,6 +115,6 @@ def _poses(
 
 
 def _line(t_ns: int, pose: Pose) -> str:
-    seconds, rest_ns = divmod(t_ns, NS_PER_S)
+    seconds, rest_ns = divmod(t_ns, SECOND_NS)
     (x, y, z), (qw, qx, qy, qz) = pose
     return f"{seconds}.{rest_ns:09d} {x!r} {y!r} {z!r} {qx!r} {qy!r} {qz!r} {qw!r}\n"

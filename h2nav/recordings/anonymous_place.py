@@ -10,6 +10,7 @@ import random
 
 from h2nav.attitude.samples import EarthField
 from h2nav.files.earth_field import earth_field_at
+from h2nav.maths.units import EARTH_RADIUS_M
 from h2nav.recordings.anonymous import Coordinates
 
 # Gravity differs by 0.003 m/s^2 over this.
@@ -17,7 +18,6 @@ BAND_DEG = 3.0
 # A latitude this near to the old one would still tell it.
 MIN_BAND_DEG = 0.3
 FAR_M = 120_000.0
-EARTH_RADIUS_M = 6_371_000.0
 # Differences of the field that count as one: less than the model's own error of 0.4 deg in
 # declination and 0.2 deg in dip, and what buildings do to its strength.
 DECLINATION_RAD, DIP_RAD, NORM_SHARE = math.radians(0.3), math.radians(0.5), 0.01

@@ -8,6 +8,7 @@ import numpy as np
 
 from h2nav.errors import BadInput
 from h2nav.log.magic import is_mcap
+from h2nav.maths.units import SECOND_NS
 from h2nav.wire.arrivals import BATCH_BYTES, Arrivals
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.tlog import TlogReader, looks_like_tlog
@@ -15,7 +16,6 @@ from h2nav.wire.tlog import TlogReader, looks_like_tlog
 if TYPE_CHECKING:  # loaded for our own logs only
     from h2nav.log.file import Attachment
 
-NS_PER_S = 1_000_000_000
 SYNTHETIC_BYTES_S = 11_520  # a serial line at 115,200 baud, the usual source of raw captures
 SYNTHETIC_CHUNK = 64
 _PROBE_BYTES = 1 << 18
@@ -105,7 +105,7 @@ class BytesRecording(Recording):
             while data := stream.read(BATCH_BYTES):
                 starts = np.arange(0, len(data), SYNTHETIC_CHUNK)
                 ends = np.minimum(starts + SYNTHETIC_CHUNK, len(data))
-                t_ns = (position + ends) * NS_PER_S // SYNTHETIC_BYTES_S
+                t_ns = (position + ends) * SECOND_NS // SYNTHETIC_BYTES_S
                 position += len(data)
                 self.progress = (position, self.progress[1])
                 yield Arrivals(data, starts, ends, t_ns, framed=False)

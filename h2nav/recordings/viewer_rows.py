@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from h2nav.log.foxglove_messages import AttitudeMessages, descriptor_set, protobuf_schemas
 from h2nav.maths.rows import Array, from_euler
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, SECOND_NS
 from h2nav.recordings.protobuf_rows import Rows
 from h2nav.recordings.rotations import are_units
 
-NS_PER_S = 1_000_000_000
 LOCATION_TOPIC = "/location"
 SCHEMAS = {
     **{topic: schema for topic, schema in protobuf_schemas().items() if topic != "/log"},
@@ -116,6 +115,6 @@ def _locations(
         unix_ns.tolist(), places.tolist(), strict=True
     ):
         fix = LocationFix(latitude=latitude, longitude=longitude, altitude=altitude)
-        fix.timestamp.seconds, fix.timestamp.nanos = divmod(at_ns, NS_PER_S)
+        fix.timestamp.seconds, fix.timestamp.nanos = divmod(at_ns, SECOND_NS)
         messages.append(fix.SerializeToString())
     return ViewerMessages(LOCATION_TOPIC, rows, messages)

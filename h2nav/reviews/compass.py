@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import select_rows
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, MG_PER_UT
 from h2nav.recordings.context import Array, Context, ImuTrack, Series
 from h2nav.reviews.compass_motors import Strength, strength_by_throttle
 from h2nav.reviews.flight import EarthFields
@@ -64,7 +64,6 @@ MAX_STEPS = 8
 USUAL_S = 15.0
 # A step this soon after arming may be the take-off.
 AROUND_S = 12.0
-MG_PER_UT = 10.0
 
 
 class SentFields(NamedTuple):

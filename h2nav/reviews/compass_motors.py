@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import MG_PER_UT
 from h2nav.recordings.context import Array, Context, ImuTrack
 
 # Throttle without and with load, and the rows that each needs.
@@ -20,7 +21,6 @@ TOGETHER = 0.7
 SPREADS = 3.0
 # As compassmot: 30 % of the earth's field at full throttle are usual, 60 % are too much.
 USUAL_SHARE, BAD_SHARE = 0.3, 0.6
-MG_PER_UT = 10.0
 
 
 class Strength(NamedTuple):

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.maths.units import DEG, EARTH_RADIUS_M, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import (
     Attitudes,
@@ -28,7 +28,6 @@ from h2nav.reviews.tracks import Receiver
 
 MAX_POINTS = 2000
 MIN_MOVES = 10
-EARTH_RADIUS_M = 6_371_000.0
 # Windows, s. A receiver that is led astray slowly shows in the long one.
 LENGTHS_S = (1.0, 3.0, 10.0)
 GATE = 3.0

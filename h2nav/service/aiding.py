@@ -13,10 +13,11 @@ from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.integrity.gnss import GnssVerdict, SignalState
 from h2nav.integrity.witness import Witness
 from h2nav.maths.air import standard_density_kg_m3, true_airspeed_m_s
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
 from h2nav.service.estimation import Estimation
-from h2nav.service.limits import SECOND_NS, RateLimit, Steady
+from h2nav.service.limits import RateLimit, Steady
 from h2nav.service.records import AidingRecord
 from h2nav.service.settings import AidingSettings, NorthSettings
 from h2nav.wire.position import (

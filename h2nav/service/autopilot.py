@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.service.limits import SECOND_NS, Slow, Steady
+from h2nav.maths.units import SECOND_NS
+from h2nav.service.limits import Slow, Steady
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.vehicle import Heartbeat
 

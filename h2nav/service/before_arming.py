@@ -10,9 +10,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import EarthField, ImuSample
 from h2nav.integrity.findings import Alarm, Kind, SensorKind, Severity
 from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item, Preflight
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Effect
 from h2nav.service.health import ServiceState, StateVerdict
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Report
 from h2nav.wire import outbound
 from h2nav.wire.attitude import ReportedAttitude

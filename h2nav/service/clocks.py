@@ -1,9 +1,9 @@
 """The autopilot's clock and its samples against the host's: exchanges of TIMESYNC, and lateness."""
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service import records
 from h2nav.service.effects import Effect, Record
 from h2nav.service.lateness import Lateness
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.time_sync import TimeSync
 from h2nav.wire import outbound
 from h2nav.wire.outbound import Address, OutMessage

@@ -8,8 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.integrity.witness import AttitudeSource, Comparison, Witness
 from h2nav.maths.quaternion import Quat
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Effect, Record
-from h2nav.service.limits import SECOND_NS, RateLimit
+from h2nav.service.limits import RateLimit
 from h2nav.service.records import ComparisonRecord
 from h2nav.service.wished_stream import Wish
 from h2nav.wire.attitude import ReportedAttitude

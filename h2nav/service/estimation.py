@@ -22,6 +22,7 @@ from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
 from h2nav.integrity.voting import FieldVoting, InertialSensor, Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
@@ -29,7 +30,6 @@ from h2nav.service.imu_choice import lanes_wanted
 from h2nav.service.intake import Incoming, Need
 from h2nav.service.lane import SILENT_NS, FilterFor, Lane, Step
 from h2nav.service.lane_selection import CLEARLY, Condition, LaneSelection, Switch, SwitchCause
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.records import LaneRecord
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming

@@ -8,7 +8,7 @@ of that field (`sensor_delays`).
 """
 
 from h2nav.attitude.samples import Vec3
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 from h2nav.wire.imu import IDS_BY_NAME, ImuMessage
 
 CALIBRATED_ID = IDS_BY_NAME["HIGHRES_IMU"]

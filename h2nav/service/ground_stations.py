@@ -2,8 +2,9 @@
 
 from collections import OrderedDict
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Sender
-from h2nav.service.limits import SECOND_NS, RateLimit
+from h2nav.service.limits import RateLimit
 
 # A station that was away for this long has missed something.
 AWAY_NS = 30 * SECOND_NS

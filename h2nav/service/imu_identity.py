@@ -8,7 +8,7 @@ finer message once both agree again.
 
 from enum import Enum
 
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.twins import SAME_TIME_US, are_apart
 from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, ImuReading
 

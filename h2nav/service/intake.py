@@ -4,11 +4,11 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import FOREVER_NS, ImuChoice, LaneMessages
 from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity, Shown
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
 from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
 

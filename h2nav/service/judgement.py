@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from h2nav.integrity.findings import Alarm, Finding, Findings, Severity
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Effect, Found
 from h2nav.service.health import Objection
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Report
 
 PERIOD_NS = SECOND_NS // 5

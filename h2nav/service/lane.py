@@ -22,12 +22,12 @@ from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2, Use
 from h2nav.integrity.voting import InertialSensor, Suspicion, Verdict
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.intake import NEW_EPOCHS, Incoming, Intake, Need
 from h2nav.service.lane_selection import Condition
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.own_bias import OwnBias
 from h2nav.service.range_end import RangeEnds
 from h2nav.service.sample_clock import TimeVerdict

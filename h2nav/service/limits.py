@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from h2nav.maths.units import SECOND_NS
+
 T = TypeVar("T")
-SECOND_NS = 1_000_000_000
 
 
 class RateLimit:

@@ -9,8 +9,9 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from h2nav.integrity.findings import Severity
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Effect, Notice
-from h2nav.service.limits import SECOND_NS, RateLimit
+from h2nav.service.limits import RateLimit
 from h2nav.wire import outbound
 from h2nav.wire.outbound import OutMessage
 

@@ -2,7 +2,7 @@
 
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Vec3
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 
 # A bias counts as known from this long before a fault was detected.
 BIAS_NS = 5 * SECOND_NS

@@ -3,7 +3,7 @@
 A reply to another requester also counts.
 """
 
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 from h2nav.wire import outbound
 from h2nav.wire.outbound import Address, OutMessage
 

@@ -4,7 +4,7 @@ Times are those of processing, not of arrival: a message in a backlog is present
 stopped has received nothing meanwhile, which says nothing about others.
 """
 
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 
 LOST_NS = 5 * SECOND_NS
 # A program that stops using samples for this long, though its autopilot is present, hangs.

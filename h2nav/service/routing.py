@@ -7,12 +7,12 @@ other senders, samples and attitudes are of no use.
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service import comparing
 from h2nav.service.aiding import Aiding
 from h2nav.service.autopilot import Autopilot, Identity, Sender
 from h2nav.service.comparing import Comparing
 from h2nav.service.estimation import Estimation
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.wanted import Wanted
 from h2nav.wire.imu import IMU_MESSAGES
 from h2nav.wire.readers import READERS

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.preflight import GroundVerdict
+from h2nav.maths.units import SECOND_NS
 from h2nav.service import records
 from h2nav.service.aiding import Aiding, EarthFieldAt, FieldOfTheEarth
 from h2nav.service.autopilot import Autopilot, Heard, Identity, Sender
@@ -30,7 +31,6 @@ from h2nav.service.ground_stations import GroundStations
 from h2nav.service.health import Objection, ServiceState, Signs
 from h2nav.service.judgement import Judgement
 from h2nav.service.lane import FilterFor
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.motion import motion_for, odometry_rate_hz
 from h2nav.service.notices import Notices
 from h2nav.service.outputs import Assessment, Outputs

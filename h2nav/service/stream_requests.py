@@ -19,8 +19,8 @@ from collections import deque
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Notice
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.rate_meter import LONGEST_SPAN_NS, RateMeter
 from h2nav.service.wished_stream import SHORTEST_LOOK_NS, StreamPhase, Trouble, Wish, WishedStream
 from h2nav.wire import outbound

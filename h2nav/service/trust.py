@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.health import Objection
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.sample_clock import TimeVerdict
 
 # Reasons for missing samples, by the results of the latest readings.

@@ -12,9 +12,9 @@ granted rate that is never reached is lowered to 80 % of the measured one, and o
 from enum import Enum
 from typing import NamedTuple
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.rate_meter import ArrivalCount, RateMeter
 
-SECOND_NS = 1_000_000_000
 # Arrivals were seen up to 157 ms late: a shorter measurement could miss a stream that comes.
 SHORTEST_LOOK_NS = 300_000_000
 SHORTEST_SPAN_NS = 2 * SECOND_NS

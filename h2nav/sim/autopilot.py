@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.sim.calibrations import SOUND, Miscalibration
 from h2nav.sim.commands import CommandServer
 from h2nav.sim.faults import Fault, FaultSchedule
@@ -23,7 +24,7 @@ from h2nav.sim.own_time import OwnTime
 from h2nav.sim.parameters import ParameterServer
 from h2nav.sim.personalities import ARDUPILOT, Personality
 from h2nav.sim.scenarios import Scenario
-from h2nav.sim.stream_schedule import SECOND_NS, StreamSchedule
+from h2nav.sim.stream_schedule import StreamSchedule
 from h2nav.sim.streams import AUTOPILOT_COMPONENT, Stream
 from h2nav.sim.vehicle import Vehicle
 from h2nav.sim.wheel_streams import wheel_stream

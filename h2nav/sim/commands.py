@@ -5,8 +5,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.sim.personalities import Personality
-from h2nav.sim.stream_schedule import SECOND_NS, StreamSchedule
+from h2nav.sim.stream_schedule import StreamSchedule
 from h2nav.sim.vehicle import Vehicle
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED

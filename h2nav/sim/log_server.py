@@ -10,7 +10,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.fetch.file_transfer import DATA_BYTES, FileError, FileMessage, FileOpcode
-from h2nav.sim.stream_schedule import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 
 LOG_MESSAGES = frozenset(
     {

@@ -3,9 +3,9 @@
 import heapq
 from collections.abc import Iterable
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.sim.streams import Stream
 
-SECOND_NS = 1_000_000_000
 # A sender's buffer: streams are deferred while this much is queued, as ArduPilot does.
 _LINE_BUFFER_NS = 20_000_000
 

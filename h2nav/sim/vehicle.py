@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import EarthField, ImuSample, Vec3
 from h2nav.maths import quaternion
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.sim.calibrations import (
     FULL_CURRENT_A,
     HOVER_THROTTLE,
@@ -43,7 +43,6 @@ HOME = FlownPlace(
     EarthField(norm_ut=58.07, dip_rad=-66.05 * DEG, declination_rad=12.69 * DEG),
 )
 UNIX_AT_START_US = 1_790_000_000_000_000
-EARTH_RADIUS_M = 6_371_000.0
 WRAP = 1 << 32
 # Gyro bias left after the calibration at power-on, per axis.
 LEFT_BIAS_DEG_S = 0.1

@@ -18,10 +18,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from fuzz.clean_sessions import Player, restamped
 from fuzz.raw_frames import RawFrame, extreme, place, random_payload, with_extremes
 from fuzz.watched_pipeline import START_NS, InvariantBrokenError, WatchedPipeline
+from h2nav.maths.units import SECOND_NS
 from h2nav.wire.dialect import LAYOUTS
 
 MS_NS = 1_000_000
-SECOND_NS = 1_000_000_000
 HISTORY = 200
 AUTOPILOT = (1, 1)
 US = (1, 191)

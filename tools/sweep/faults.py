@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 Array = NDArray[np.float64]
-EARTH_RADIUS_M = 6_371_000.0
 FOREVER = math.inf
 
 

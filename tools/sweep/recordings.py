@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths.rows import from_euler, to_euler
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.autopilot_log import AutopilotLog, Recorded
 from h2nav.recordings.context import AttitudeTrack, GpsTrack, ImuTrack
 from h2nav.recordings.frame_tables import FrameTable, tables
@@ -26,7 +26,7 @@ from h2nav.wire.codec import Encoder
 from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.imu import MILLI_G, UT_PER_GAUSS, UT_PER_MGAUSS
 from h2nav.wire.readers import READERS
-from sweep.faults import EARTH_RADIUS_M, Array, Attitude, Case, Fault, Fixes, Samples
+from sweep.faults import Array, Attitude, Case, Fault, Fixes, Samples
 
 MARKER_2, HEADER_BYTES, ID_AT = 0xFD, 10, slice(7, 10)
 CARRIED = MESSAGE_IDS | READERS.keys()

@@ -16,7 +16,7 @@ from h2nav.evaluation.campaign.motion import DrawnMotion, attitude_rows
 from h2nav.evaluation.campaign.receiver import DrawnFixes, fixes_of
 from h2nav.evaluation.campaign.sensors import DrawnReadings, acts, readings_of
 from h2nav.maths.rows import Array, product
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, EARTH_RADIUS_M, HOUR_S
 from h2nav.sim.faults import Fault
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.imu import ImuReading
@@ -33,8 +33,6 @@ BOOT_US, HOST_NS = 30_000_000, 1_000_000_000_000
 UNIX_S = 1_795_000_000.0
 # Of the Alps, and south of the equator of Australia: the South Atlantic has half the usual field.
 NORTHERN_DEG, SOUTHERN_DEG, ALTITUDE_M = 8.5, 147.0, 450.0
-EARTH_RADIUS_M = 6_371_000.0
-HOUR_S = 3600.0
 BLOCK = 2048
 ATTITUDES_HZ = 5.0
 # The autopilot's own estimate: errors in roll, pitch and heading that wander.

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from h2nav.evaluation.campaign.draw import Draw
 from h2nav.evaluation.campaign.motion import DrawnMotion
 from h2nav.maths.rows import Array
+from h2nav.maths.units import HOUR_S
 from h2nav.sim.faults import FaultSchedule
 from h2nav.sim.sensor_faults import GpsReading, faulty_gps
 
 MULTIPATH_S = 20.0
-HOUR_S = 3600.0
 
 
 class DrawnFixes(NamedTuple):

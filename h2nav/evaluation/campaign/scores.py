@@ -15,11 +15,11 @@ from h2nav.evaluation.campaign.shown import ShownBySensors, shown
 from h2nav.integrity.findings import Finding
 from h2nav.maths.attitude_errors import errors, honesty
 from h2nav.maths.rows import Array
+from h2nav.maths.units import HOUR_S
 
 WRONG_HEADING_DEG, WRONG_TILT_DEG = 10.0, 3.0
 PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 SETTLED_S, HONEST_FROM_S = 30.0, 120.0
-HOUR_S = 3600.0
 
 
 class HeardDraw(NamedTuple):

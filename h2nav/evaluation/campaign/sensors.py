@@ -14,7 +14,7 @@ from h2nav.attitude.samples import EarthField, ImuSample
 from h2nav.evaluation.campaign.draw import AccelerometerDraw, CompassDraw, Draw, GyroDraw
 from h2nav.evaluation.campaign.motion import DrawnMotion, TrueMotion
 from h2nav.maths.rows import Array
-from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.maths.units import DEG, GRAVITY_M_S2, HOUR_S
 from h2nav.sim.faults import Fault, FaultSchedule
 from h2nav.sim.imu_model import field_vector
 from h2nav.sim.sensor_faults import SensorFaults
@@ -23,7 +23,6 @@ from h2nav.wire.imu import CLIPPED_FORCE_M_S2, CLIPPED_RATE_RAD_S, LARGEST_FORCE
 MILLI_RAD = 1e-3
 MILLI_GAUSS_UT = 0.1
 INT16_END = 32_767
-HOUR_S = 3600.0
 # The accelerometer warms with the gyro beside it.
 ACCELEROMETER_WARM_UP_S = 300.0
 # A dipole's field falls with the third power of the distance, from about this distance on.

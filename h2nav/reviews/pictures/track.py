@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Severity
+from h2nav.maths.units import EARTH_RADIUS_M
 from h2nav.recordings.context import Array, GpsTrack
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import escape
@@ -15,7 +16,6 @@ from h2nav.reviews.pictures.grounds import GroundContact, contacts
 from h2nav.reviews.pictures.picture import Lines, Section, Trace
 from h2nav.reviews.pictures.timeline import MOMENTS, marks, mode_backdrop
 
-EARTH_RADIUS_M = 6371008.8
 PARTS, MAX_POINTS = 90, 1800
 SIZE, MARGIN, MIN_HEIGHT = 700.0, 60.0, 260.0
 # Fixes farther out than this, in spans of the middle of the flight, are not drawn.

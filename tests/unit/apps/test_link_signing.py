@@ -21,6 +21,7 @@ from h2nav.files.signing_keys import write_signing_key
 from h2nav.integrity.findings import Severity
 from h2nav.links.link_statistics import LinkStatistics
 from h2nav.log.recorder import RECEIVED_TOPIC, REFUSED_TOPIC, SENT_TOPIC, Recorder
+from h2nav.maths.units import SECOND_NS
 from h2nav.recordings.recording import open_recording
 from h2nav.service.service import Service, Surroundings
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
@@ -31,7 +32,6 @@ from h2nav.wire.signing import LocalStamp, SignatureChecker, Signer
 
 START_NS = 1_000_000_000_000
 STEP_NS = 2_000_000
-SECOND_NS = 1_000_000_000
 UNIX_S = 1_795_000_000.0
 SECRET = bytes(range(100, 132))
 SETUP = mavlink.MAVLink_setup_signing_message(1, 191, list(SECRET), 1)

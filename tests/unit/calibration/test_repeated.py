@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from h2nav.maths.units import MG_PER_UT
 from tests.unit.calibration.repeated_flights import twice, written_again
-
-MG_PER_UT = 10.0
 
 
 @pytest.mark.parametrize("seed", range(12))

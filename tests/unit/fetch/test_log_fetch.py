@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.autopilot_bytes import AutopilotBytes
 from h2nav.fetch.gaps import Gaps
 from h2nav.fetch.log_fetch import HEARD, FetchState, LogFetch
+from h2nav.maths.units import SECOND_NS
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault
 from h2nav.sim.scenarios import scenario
@@ -15,7 +16,6 @@ from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
 
 AUTOPILOT, OURS, STATION = (1, 1), (1, 191), (255, 190)
-SECOND_NS = 1_000_000_000
 STEP_NS = 10_000_000
 BYTES_PER_S = 92_160.0  # 921,600 baud
 SHARE = 0.5

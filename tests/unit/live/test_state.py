@@ -7,9 +7,8 @@ from h2nav.attitude.samples import Trust
 from h2nav.integrity.severity import Severity
 from h2nav.live import state as live_state
 from h2nav.live.state import LiveState
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.records import RejectionRecord
-
-SECOND_NS = 1_000_000_000
 
 
 @pytest.fixture

@@ -7,12 +7,11 @@ import pytest
 from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.context import Context, GpsTrack, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.receiver import detect_receiver, moves_of
-from h2nav.sim.vehicle import EARTH_RADIUS_M
 
 
 def found(flown: Flight) -> list[Finding]:

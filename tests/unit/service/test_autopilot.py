@@ -5,11 +5,11 @@ import itertools
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Autopilot, Candidates, Heard
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.vehicle import Heartbeat
 
-SECOND_NS = 1_000_000_000
 REAL, FORGED = (1, 1), (77, 1)
 QUADROTOR = Heartbeat(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, False)
 PLANE = QUADROTOR._replace(vehicle_type=mavlink.MAV_TYPE_FIXED_WING)

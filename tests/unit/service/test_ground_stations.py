@@ -1,7 +1,7 @@
 """Which ground stations have just come."""
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.ground_stations import AWAY_NS, MAX_STATIONS, GroundStations
-from h2nav.service.limits import SECOND_NS
 
 
 def test_a_station_is_new_once_and_again_when_it_was_away():

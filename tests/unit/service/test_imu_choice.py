@@ -1,11 +1,11 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.imu_choice import ImuChoice, preference
 from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES
 
 RAW, HIGHRES = IDS_BY_NAME["RAW_IMU"], IDS_BY_NAME["HIGHRES_IMU"]
 SCALED = IDS_BY_NAME["SCALED_IMU"]
-SECOND_NS = 1_000_000_000
 
 
 def test_px4_avoids_the_message_whose_bias_its_estimator_removed():

@@ -1,9 +1,9 @@
 """What is wrong, told a few times a second."""
 
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Notice
 from h2nav.service.judgement import Judgement
-from h2nav.service.limits import SECOND_NS
 from h2nav.service.notices import Notices
 
 WRONG = Alarm(

@@ -6,11 +6,11 @@ from collections import deque
 
 import pytest
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.lateness import Lateness
 from h2nav.service.time_sync import Exchange
 
 MS = 1_000_000
-SECOND_NS = 1_000_000_000
 BOOT_NS = 4_000 * SECOND_NS  # the host was there before the autopilot
 
 

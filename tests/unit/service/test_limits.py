@@ -1,6 +1,5 @@
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.limits import RateLimit, Steady
-
-SECOND_NS = 1_000_000_000
 
 
 def test_a_burst_and_then_the_rate():

@@ -1,8 +1,7 @@
 from h2nav.integrity.findings import Severity
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.notices import MAX_CAUSES, MAX_REMINDERS, NOTICES_AT_ONCE, Notices
 from h2nav.wire.outbound import STATUS_TEXT_CHUNKS, STATUS_TEXT_SIZE
-
-SECOND_NS = 1_000_000_000
 
 
 def texts_sent(notices, start_s, end_s):

@@ -3,7 +3,7 @@
 import pytest
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.own_bias import BIAS_NS, OwnBias
 
 SAMPLE = ImuSample(1_000, (0.5, -0.2, 0.1), (0.0, 0.0, -9.8))

@@ -1,8 +1,8 @@
 import pytest
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.rate_meter import ArrivalCount, RateMeter
 
-SECOND_NS = 1_000_000_000
 FAST, SLOW = 27, 2
 
 

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
 
 UINT32 = 1 << 32
-SECOND_NS = 1_000_000_000
 
 
 class Line:

@@ -6,6 +6,7 @@ import random
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.stream_requests import MAX_PER_MINUTE, StreamRequests
 from h2nav.service.wished_stream import Wish
 
@@ -23,7 +24,6 @@ DENIED, FAILED, OK = (
     mavlink.MAV_RESULT_FAILED,
     mavlink.MAV_RESULT_ACCEPTED,
 )
-SECOND_NS = 1_000_000_000
 STEP_NS = 10_000_000
 TARGET = (1, 1)
 USUAL = (

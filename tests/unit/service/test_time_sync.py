@@ -1,9 +1,9 @@
 import random
 
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.time_sync import TimeSync
 
 MS = 1_000_000
-SECOND_NS = 1_000_000_000
 
 
 def exchange(sync, t_ns, offset_ns, out_ns=MS, back_ns=MS):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from h2nav.service.limits import SECOND_NS
+from h2nav.maths.units import SECOND_NS
 from h2nav.service.trust import GOOD_AGAIN_NS, REFUSALS, REST_NS, SPOILT_NS, LaneTrust
 
 NOW_NS = 100 * SECOND_NS
