@@ -285,7 +285,7 @@ class Pipeline:
                 except Exception as error:
                     self._fault(t_ns, message_name(frame.msg_id), error)
 
-    def vouches_for(self, data: bytes) -> bool:
+    def comes_from_vehicle(self, data: bytes) -> bool:
         """Whether a datagram of an unknown sender has a frame of the bound or a new autopilot."""
         t_ns = self._now_ns
         for frame in Deframer().feed(data):

@@ -88,7 +88,7 @@ class Session:
             "log": configuration.log.folder,
         }
         self.service = Service(configuration.service, surroundings)
-        self.link = open_link(configuration.link.url, self._vouches_for)
+        self.link = open_link(configuration.link.url, self._comes_from_vehicle)
         self._fetcher = _log_fetcher(configuration, watcher or console)
         outlets = Outlets(
             self._clock.unix_ns,
@@ -153,8 +153,8 @@ class Session:
             log = LogSight(recorder.path, recorder.trouble, recorder.statistics())
         return Sight(self.service.health, self.service.status(t_ns), log)
 
-    def _vouches_for(self, data: bytes) -> bool:
-        return self._pipeline.vouches_for(data)
+    def _comes_from_vehicle(self, data: bytes) -> bool:
+        return self._pipeline.comes_from_vehicle(data)
 
     def __enter__(self) -> "Session":
         return self

@@ -162,18 +162,18 @@ def doubt_of(found: Explained) -> SensorDoubt | None:
 
 
 def explain(
-    rows: Sequence[VelocityRow], known: Known, acquitted: Collection[Cause] = ()
+    rows: Sequence[VelocityRow], known: Known, cleared: Collection[Cause] = ()
 ) -> Explained:
     """Compares the causes over a window.
 
     Args:
         rows: of the window, in order.
         known: at its end.
-        acquitted: sensors that show the same as those of other IMUs.
+        cleared: sensors that show the same as those of other IMUs.
     """
     if len(rows) < MIN_ROWS:
         return NOTHING
-    return _Comparison(rows, known, acquitted).explained()
+    return _Comparison(rows, known, cleared).explained()
 
 
 class _Variant(NamedTuple):
@@ -196,9 +196,9 @@ class _Comparison:
     """The likelihoods of the causes over one window."""
 
     def __init__(
-        self, rows: Sequence[VelocityRow], known: Known, acquitted: Collection[Cause]
+        self, rows: Sequence[VelocityRow], known: Known, cleared: Collection[Cause]
     ) -> None:
-        self._rows, self._known, self._acquitted = rows, known, acquitted
+        self._rows, self._known, self._cleared = rows, known, cleared
         self._window = window = VelocityModel(rows, known)
         self._force_density, self._shaken = window.force_density, window.shaken_density
         self._columns, self._sound = window.columns, window.sigmas
@@ -229,7 +229,7 @@ class _Comparison:
             # What is hidden from the force looks like a false velocity, to every IMU.
             odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
         else:
-            for cause in self._acquitted:
+            for cause in self._cleared:
                 odds[cause] -= math.log(ACQUITTED)
         if self._rows[0].begun.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
             # An almost unknown heading can imitate any false velocity.

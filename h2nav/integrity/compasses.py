@@ -91,7 +91,7 @@ class _Compass:
         if self.test.is_raised or ratio < AGREE:
             self.is_wrong = self.test.is_raised
 
-    def acquit(self) -> None:
+    def clear(self) -> None:
         """No other compass differs from it."""
         self.is_wrong, self.is_misfit = None, False
 
@@ -284,7 +284,7 @@ class Compasses:
         self._open = [pair for pair in apart if not wrong.intersection(pair)]
         for number in fresh:
             if number not in concerned:
-                self._compasses[number].acquit()
+                self._compasses[number].clear()
 
     def _misfit(self, pair: tuple[int, int]) -> tuple[int, ...]:
         """The one of two whose norm or dip is not the earth's, if the other's are."""

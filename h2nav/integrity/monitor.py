@@ -171,7 +171,7 @@ class Monitor:
         self._differed_us = self._failed_us = 0
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
-        self._acquitted: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
+        self._cleared: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
         self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
         self._drift_tilt_rad, self._drift_us = 0.0, 0
@@ -336,7 +336,7 @@ class Monitor:
     def _search(self, t_us: int, known: Known) -> SensorDoubt | None:
         """Compares the causes; returns a doubt for the filter."""
         self._explained_us = t_us
-        found = self._explained = explain(self._rows.rows, known, self._acquitted)
+        found = self._explained = explain(self._rows.rows, known, self._cleared)
         self._note_drift(t_us, found)
         if found.is_contradiction and self._contradicted_us is None:
             self._contradicted_us = t_us
@@ -378,7 +378,7 @@ class Monitor:
         if not self._decisions:
             return None
         cause = self._decisions.most_common(1)[0][0]
-        if cause in self._acquitted:
+        if cause in self._cleared:
             return None
         return cause if cause is not Cause.VELOCITY or self.velocity_is_false else None
 
@@ -413,7 +413,7 @@ class Monitor:
     def use_agreed(self, *, gyro: bool, accelerometer: bool) -> None:
         """Takes which of its sensors show the same as another IMU's: they are not accused."""
         found = ((Cause.GYRO, gyro), (Cause.ACCELEROMETER, accelerometer))
-        self._acquitted = frozenset(cause for cause, agrees in found if agrees)
+        self._cleared = frozenset(cause for cause, agrees in found if agrees)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Takes the autopilot's report of the vehicle."""

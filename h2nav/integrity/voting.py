@@ -59,7 +59,7 @@ OPEN_S = 10.0
 MAX_OPEN_RAD = 30.0 * DEG
 # A comparison is no longer valid after this.
 STALE_US = 1_000_000
-# Without an acquittal by the comparison, a constant difference within data sheets is heard anew.
+# Unless the comparison clears it, a constant difference within data sheets is heard anew.
 HEARING_US = 30_000_000
 HEARD_S = 10.0
 # A lane's test fails above 1; the other of two is sound below this.
@@ -280,7 +280,7 @@ class _Pair:
         """Whether they have been compared just now."""
         return self.compared_us is not None and abs(t_us - self.compared_us) < STALE_US
 
-    def acquit(self) -> None:
+    def clear(self) -> None:
         """Forgets that they differ: the reason is known."""
         self.test, self.shape, self.raised_us = Lasting(), _Shape(), None
 
@@ -526,7 +526,7 @@ class Voting:
             pairs = {(i, j): pair for (of, i, j), pair in self._pairs.items() if of is part}
             for (i, j), pair in list(pairs.items()):
                 if (part, i) in excluded or (part, j) in excluded:
-                    pair.acquit()
+                    pair.clear()
                     del pairs[i, j]
             concerned = {n for pair, both in pairs.items() if both.is_raised for n in pair}
             for of, number in list(self._wrong):

@@ -21,7 +21,7 @@ from h2nav.links.received import Received
 from h2nav.links.serial_port import SerialTransport
 from h2nav.links.stream_link import StreamLink
 from h2nav.links.tcp import TcpTransport
-from h2nav.links.udp import UdpLink, Vouch
+from h2nav.links.udp import AcceptsSender, UdpLink
 
 
 class Link(Protocol):
@@ -69,12 +69,12 @@ class Link(Protocol):
         """Closes the descriptor."""
 
 
-def open_link(url: str, vouch: Vouch | None = None) -> Link:
+def open_link(url: str, accepts: AcceptsSender | None = None) -> Link:
     """Creates the link of a connection URL; it opens at its first `Link.maintain`.
 
     Args:
         url: one of the forms of `link_urls.parse_link_url`.
-        vouch: whether a datagram makes its unknown sender the peer of a listening UDP link; None
+        accepts: whether a datagram makes its unknown sender the peer of a listening UDP link; None
             accepts every sender.
 
     Returns:
@@ -85,6 +85,6 @@ def open_link(url: str, vouch: Vouch | None = None) -> Link:
     """
     target = parse_link_url(url)
     if isinstance(target, UdpUrl):
-        return UdpLink(url, target, vouch)
+        return UdpLink(url, target, accepts)
     transport = SerialTransport(target) if isinstance(target, SerialUrl) else TcpTransport(target)
     return StreamLink(url, transport, lambda error: explained(url, target, error))

@@ -35,27 +35,27 @@ _TIMESPEC = struct.Struct("@ll")
 _STAMP_SLACK_NS = 10_000_000
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size)
 
-Vouch = Callable[[bytes], bool]
+AcceptsSender = Callable[[bytes], bool]
 
 
 class UdpLink:
     """Listens for one peer, or sends first to a given one.
 
-    A listening link (``udpin:``) takes the first sender that `vouch` accepts as its peer, and
+    A listening link (``udpin:``) takes the first sender that `accepts` accepts as its peer, and
     answers and receives from that peer alone until it has been silent for `PEER_SILENCE_NS`. A
     sending link (``udpout:``) knows its peer from the URL. Datagrams of other senders are counted
     and dropped.
 
     Args:
-        vouch: whether a datagram makes its sender the peer; None accepts every sender.
+        accepts: whether a datagram makes its sender the peer; None accepts every sender.
     """
 
     has_backlog = False
 
-    def __init__(self, url: str, target: UdpUrl, vouch: Vouch | None = None) -> None:
+    def __init__(self, url: str, target: UdpUrl, accepts: AcceptsSender | None = None) -> None:
         self.url = url
         self._target = target
-        self._vouch = vouch
+        self._accepts = accepts
         self._lookup: HostLookup | None = None
         self._socket: socket.socket | None = None
         self._back_off = BackOff()
@@ -207,11 +207,11 @@ class UdpLink:
         return True
 
     def _may_become_peer(self, data: bytes) -> bool:
-        """Whether there is no active peer, and `vouch` accepts the datagram."""
+        """Whether there is no active peer, and `accepts` accepts the datagram."""
         taken = self._peer is not None and self._t_ns - self._peer_heard_ns < PEER_SILENCE_NS
         if taken or not self._target.listens:
             return False
-        return self._vouch is None or self._vouch(data)
+        return self._accepts is None or self._accepts(data)
 
     def _arrival_ns(
         self, ancillary: list[tuple[int, int, bytes]], unix_offset_ns: int

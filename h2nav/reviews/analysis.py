@@ -48,7 +48,7 @@ class Analysis(NamedTuple):
     rests: dict[int, Rest] = {}  # noqa: RUF012 - never changed
     # ids of findings in flight that blame autopilot or receiver where h2nav's own attitude is
     # wrong
-    misjudged: frozenset[str] = frozenset()
+    cleared: frozenset[str] = frozenset()
     # id of a finding in flight -> as the whole flight shows it
     judged: dict[str, Finding] = {}  # noqa: RUF012 - never changed
     # what is remembered of the flight, and what in it left the airframe's own past
@@ -96,9 +96,9 @@ def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
         receivers=tuple(shown for shown, _ in evidence.of(receiver.receivers)),
         impacts=evidence.of(parts.blows),
         rests=evidence.of(parts.rests),
-        misjudged=frozenset(
+        cleared=frozenset(
             (
-                *(one.id for one in _acquitted(evidence)),
+                *(one.id for one in _cleared(evidence)),
                 *(one.id for one in _of_our_own_error(evidence, shown)),
                 *(one.id for one in shown if not one.backs_us),
             )
@@ -125,7 +125,7 @@ def _is_guess(one: Finding) -> bool:
     return one.kind is Kind.GNSS_SPOOFED and one.severity > Severity.WARNING
 
 
-def _acquitted(evidence: FlightEvidence) -> list[Finding]:
+def _cleared(evidence: FlightEvidence) -> list[Finding]:
     """Velocities flagged in flight that fit with another heading of ours."""
     track = evidence.of(parts.witness) or evidence.of(parts.soundest)
     best, moves = evidence.of(parts.best), evidence.of(parts.moves)

@@ -155,7 +155,7 @@ def _latest(found: Iterable[Finding], kind: AnyKind, t_s: float, lead_s: float) 
 
 def _is_own(one: Finding, found: list[Finding], analysis: Analysis) -> bool:
     """Whether it concerns our attitude alone."""
-    if one.id in analysis.misjudged:
+    if one.id in analysis.cleared:
         return True
     cause = next((other for other in found if other.id == one.cause), None)
     if cause is not None and cause.kind is Kind.IMU_TOO_SLOW:

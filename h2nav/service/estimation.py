@@ -405,7 +405,7 @@ class Estimation:
             self._sent = self._first_lane(t_ns)
             return ""
         self._compare_compasses(t_ns)
-        self._help_spoilt(t_ns)
+        self._restart_lanes(t_ns)
         sent = self._lane
         switch = self._selection.look(
             t_ns,
@@ -473,12 +473,12 @@ class Estimation:
             if lane is not self._lane:
                 lane.drop_heading()
 
-    def _help_spoilt(self, t_ns: int) -> None:
+    def _restart_lanes(self, t_ns: int) -> None:
         sent = self._lane
         for lane in self._lanes:
             if lane is not sent and lane.may_begin_anew(t_ns):
                 is_sound = (
-                    not sent.sensor_is_bad and not sent.is_spoilt and not sent.is_silent(t_ns)
+                    not sent.sensor_is_bad and not sent.needs_restart and not sent.is_silent(t_ns)
                 )
                 lane.begin_as(sent if is_sound else None)
 

@@ -93,7 +93,7 @@ class ImuChoice:
         """The message in use."""
         return None if self._chosen is None else IMU_MESSAGES[self._chosen]
 
-    def considers(self, message_id: int, t_ns: int) -> bool:
+    def is_candidate(self, message_id: int, t_ns: int) -> bool:
         """Whether this message could be the one to use now, decided before it is decoded."""
         if message_id == self._chosen:
             return True

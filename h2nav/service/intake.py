@@ -111,7 +111,7 @@ class Intake:
         """What a message is needed for now."""
         if message_id not in self._ids:
             return Need.NONE
-        if self._choice.considers(message_id, t_ns):
+        if self._choice.is_candidate(message_id, t_ns):
             return Need.SAMPLE
         if self._may_identify(message_id):
             return Need.IDENTITY if t_ns >= self._identity.next_ns else Need.NONE

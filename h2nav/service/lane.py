@@ -184,9 +184,9 @@ class Lane:
         return self._trust.sensor_is_bad
 
     @property
-    def is_spoilt(self) -> bool:
+    def needs_restart(self) -> bool:
         """Whether the filter has to restart, if possible with the attitude of another lane."""
-        return self._trust.is_spoilt
+        return self._trust.needs_restart
 
     @property
     def ratio(self) -> float:
@@ -236,7 +236,7 @@ class Lane:
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or sent.is_left or self.rate_hz >= enough_hz
         vibration_m_s2 = self._monitor.vibration_m_s2
-        may_follow = self.has_estimate and not self.is_spoilt and has_rate
+        may_follow = self.has_estimate and not self.needs_restart and has_rate
         return Condition(
             may_follow,
             self.is_silent(t_ns) or self.is_left,
@@ -414,7 +414,7 @@ class Lane:
     def drop_heading(self) -> None:
         """Resets a filter with the heading of a wrong field; only while it is not sent."""
         if self.heading_is_wrong:
-            self._trust.spoil()
+            self._trust.require_restart()
             self.heading_is_wrong = False
 
     def judge(self, t_ns: int) -> None:
@@ -424,13 +424,13 @@ class Lane:
             self._counted_ns, self._counted = t_ns, 0
         is_bad = self._monitor.sensor_is_bad or bool(self._verdict.wrong)
         self._trust.judge(t_ns, sensor_is_bad=is_bad)
-        if is_bad or self._unled is None or self.is_spoilt:
+        if is_bad or self._unled is None or self.needs_restart:
             return
         if self.ratio < CALM_RATIO:
             self._bias.learn(t_ns, self._unled.bias_b)
 
     def may_begin_anew(self, t_ns: int) -> bool:
-        """Whether the filter is spoilt, and its sensors have been good again for a while."""
+        """Whether the filter needs a restart, and its sensors have been good again for a while."""
         return self._trust.is_good_again(t_ns) and not self.is_silent(t_ns)
 
     def begin_as(self, other: "Lane | None") -> None:

@@ -1,4 +1,4 @@
-"""Reliability of a lane: rejected readings, a spoilt filter, a resting stream."""
+"""Reliability of a lane: rejected readings, a filter to restart, a resting stream."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ REFUSAL_TEXTS = {
 }
 RECENT_NS = SECOND_NS
 # A filter fed with bad samples for this long has lost its attitude.
-SPOILT_NS = SECOND_NS
+RESTART_AFTER_NS = SECOND_NS
 # Its sensors have to be good again for this long before it gets another one.
 GOOD_AGAIN_NS = SECOND_NS
 # After this many consecutive rejections the stream is not a lane for a while.
@@ -44,7 +44,7 @@ class LaneTrust:
         self._good_ns: int | None = None
         self.sensor_is_bad = False  # a sensor is known to be faulty
         # the filter has to restart, if possible with the attitude of another lane
-        self.is_spoilt = False
+        self.needs_restart = False
         # why nothing of the stream was usable in the end; empty once a reading was used again
         self.lost = ""
 
@@ -95,9 +95,9 @@ class LaneTrust:
     def wake(self, t_ns: int) -> None:
         """Ends a rest that is over: the filter has to restart."""
         if self._rests_until_ns is not None and t_ns >= self._rests_until_ns:
-            self._rests_until_ns, self.refusals, self.is_spoilt = None, 0, True
+            self._rests_until_ns, self.refusals, self.needs_restart = None, 0, True
 
-    # --- a filter that is spoilt --------------------------------------------------------------
+    # --- a filter that needs a restart ----------------------------------------------------------
 
     def judge(self, t_ns: int, *, sensor_is_bad: bool) -> None:
         """Tracks how long the sensors have been good or faulty."""
@@ -106,21 +106,21 @@ class LaneTrust:
             self._good_ns = None
             if self._bad_ns is None:
                 self._bad_ns = t_ns
-            self.is_spoilt |= t_ns - self._bad_ns > SPOILT_NS
+            self.needs_restart |= t_ns - self._bad_ns > RESTART_AFTER_NS
             return
         self._bad_ns = None
         if self._good_ns is None:
             self._good_ns = t_ns
 
-    def spoil(self) -> None:
-        """Marks the filter as spoilt: it holds an error that it does not lose by itself."""
-        self.is_spoilt = True
+    def require_restart(self) -> None:
+        """Has the filter restarted: it holds an error that it does not lose by itself."""
+        self.needs_restart = True
 
     def renew(self) -> None:
         """Notes that the filter has restarted."""
-        self.is_spoilt = False
+        self.needs_restart = False
 
     def is_good_again(self, t_ns: int) -> bool:
-        """Whether the filter is spoilt, and its sensors have been good again for a while."""
+        """Whether the filter needs a restart, and its sensors have been good again for a while."""
         since_ns = self._good_ns
-        return self.is_spoilt and since_ns is not None and t_ns - since_ns >= GOOD_AGAIN_NS
+        return self.needs_restart and since_ns is not None and t_ns - since_ns >= GOOD_AGAIN_NS

@@ -121,8 +121,8 @@ def test_a_field_that_is_no_number_is_as_none(name: str, bad: float) -> None:
     samples = fly(slow, 3.0, 5).samples
     found = []
     for field in ((bad, 0.0, 0.0), None):
-        spoilt = [s._replace(m_b_ut=field) if i % 5 == 4 else s for i, s in enumerate(samples)]
-        found.append(repr(drive(new_filter(name), spoilt)))
+        damaged = [s._replace(m_b_ut=field) if i % 5 == 4 else s for i, s in enumerate(samples)]
+        found.append(repr(drive(new_filter(name), damaged)))
     assert found[0] == found[1]
 
 
@@ -151,11 +151,11 @@ def test_a_late_field_costs_no_filter_more_for_being_expected_late(name: str) ->
 @pytest.mark.parametrize("vector", ["w_b", "f_b"])
 def test_a_sample_that_is_no_number_changes_nothing(name: str, vector: str, bad: float) -> None:
     samples = fly(gentle, 3.0, 12).samples
-    spoilt = samples[-1]._replace(t_us=3_000_000, **{vector: (0.0, bad, 0.0)})
-    assert new_filter(name).update(spoilt) is None
+    damaged = samples[-1]._replace(t_us=3_000_000, **{vector: (0.0, bad, 0.0)})
+    assert new_filter(name).update(damaged) is None
     filter_ = new_filter(name)
     before, state = last_of(filter_, samples), filter_.state()
-    held = filter_.update(spoilt)
+    held = filter_.update(damaged)
     assert filter_.state() == state
     if held is not None:
         assert (held.t_us, held.q_nb) == (3_000_000, before.q_nb)
@@ -163,16 +163,16 @@ def test_a_sample_that_is_no_number_changes_nothing(name: str, vector: str, bad:
 
 
 @every_filter
-@pytest.mark.parametrize("spoilt", [{"clipped": True}, {"f_b": (0.0, 0.0, 0.0)}], ids=str)
-def test_a_clipped_or_zero_force_corrects_nothing(name: str, spoilt: dict[str, object]) -> None:
+@pytest.mark.parametrize("damaged", [{"clipped": True}, {"f_b": (0.0, 0.0, 0.0)}], ids=str)
+def test_a_clipped_or_zero_force_corrects_nothing(name: str, damaged: dict[str, object]) -> None:
     filter_ = new_filter(name)
     *samples, last = fly(gentle, 20.0, 16).samples
     before = last_of(filter_, samples)
-    after = filter_.update(last._replace(**spoilt))
+    after = filter_.update(last._replace(**damaged))
     if after is None:
-        assert "f_b" in spoilt
+        assert "f_b" in damaged
         return
-    assert Trust.SATURATED in after.trust or "f_b" in spoilt
+    assert Trust.SATURATED in after.trust or "f_b" in damaged
     assert Trust.FORCE_USED not in after.trust
     assert after.bias_b == pytest.approx(before.bias_b, abs=1e-7)
     turned = quaternion.angle(after.q_nb, before.q_nb)

@@ -318,7 +318,7 @@ def test_what_is_not_independent_on_px4_is_said(imu_message, said):
     assert flight.health.independent == (said is None)
 
 
-def test_a_stranger_is_vouched_for_by_a_frame_of_the_vehicle_alone():
+def test_a_stranger_is_accepted_for_a_frame_of_the_vehicle_alone():
     """D7: one byte a second kept the place of the autopilot's peer."""
     flight = SimulatedFlight("rest")
     pipeline = flight.pipeline
@@ -330,9 +330,9 @@ def test_a_stranger_is_vouched_for_by_a_frame_of_the_vehicle_alone():
     real = encoder(type("Real", (outgoing,), {"message": heartbeat()}))
     other = encoder(type("Other", (outgoing,), {"sysid": 9, "message": heartbeat()}))
     ground = encoder(type("Ground", (outgoing,), {"sysid": 255, "message": station}))
-    assert pipeline.vouches_for(real)
-    assert not pipeline.vouches_for(ground)
-    assert not pipeline.vouches_for(b"\x00" * 300)
+    assert pipeline.comes_from_vehicle(real)
+    assert not pipeline.comes_from_vehicle(ground)
+    assert not pipeline.comes_from_vehicle(b"\x00" * 300)
     flight.run(3.0)
-    assert pipeline.vouches_for(real)
-    assert not pipeline.vouches_for(other)
+    assert pipeline.comes_from_vehicle(real)
+    assert not pipeline.comes_from_vehicle(other)

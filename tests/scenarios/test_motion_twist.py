@@ -105,9 +105,9 @@ def test_a_jump_of_the_poses_is_a_reset(told):
     assert flight.rejected.get("pose_jump", 0) == (0 if told else 4)
 
 
-def spoil(field, value):
+def damage(field, value):
     def change(t_s, message):
-        # Every third message is spoilt, once the first ones were sound.
+        # Every third message is damaged, once the first ones were sound.
         if t_s > 2.0 and round(t_s * 30.0) % 3 == 0:
             setattr(message, field, value(message))
         return message
@@ -134,8 +134,8 @@ def spoil(field, value):
     ],
 )
 def test_bad_poses_between_good_ones_are_counted_and_do_no_harm(field, value, reason):
-    """Every third pose is spoilt: it is counted by its reason, and the twist comes right."""
-    flight = twist_flight(change=spoil(field, value)).run(6.5)
+    """Every third pose is damaged: it is counted by its reason, and the twist comes right."""
+    flight = twist_flight(change=damage(field, value)).run(6.5)
     assert flight.rejected[reason] > 40
     assert all(is_finite(message) for _, message in odometry(flight))
     assert_right(flight, 5.5)

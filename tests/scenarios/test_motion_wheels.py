@@ -115,7 +115,7 @@ def test_a_counter_that_jumps_moves_nothing():
     ],
 )
 def test_bad_readings_between_good_ones_are_counted_and_do_no_harm(field, value, reason):
-    """Every third reading is spoilt: counted by its reason; the next one spans the interval."""
+    """Every third reading is damaged: counted by its reason; the next one spans the interval."""
 
     def change(t_s, message):
         if t_s > 3.0 and round(t_s * 20.0) % 3 == 0:

@@ -34,8 +34,8 @@ def fly(
     filter_.use_vehicle(VehicleState(on_ground=False))
     rows, places, trust = [], [], []
     for place, sample in enumerate(samples(trial)):
-        spoilt = fault(sample)
-        estimate = None if spoilt is None else filter_.update(spoilt)
+        damaged = fault(sample)
+        estimate = None if damaged is None else filter_.update(damaged)
         if estimate is not None:
             rows.append(estimate.q_nb)
             places.append(place)

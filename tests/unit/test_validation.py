@@ -38,5 +38,5 @@ def test_keys_that_are_unknown_or_missing_are_named_with_a_remedy() -> None:
 def test_a_list_of_finite_numbers_is_taken_whole_or_not_at_all() -> None:
     assert finite_numbers([1, 2.5]) == [1.0, 2.5]
     assert finite_numbers((0.0,)) == [0.0]
-    for spoilt in ([1.0, math.nan], [1.0, "2"], [True], [10**400], "12", 3.0, None, {1.0: 2.0}):
-        assert finite_numbers(spoilt) == []
+    for damaged in ([1.0, math.nan], [1.0, "2"], [True], [10**400], "12", 3.0, None, {1.0: 2.0}):
+        assert finite_numbers(damaged) == []

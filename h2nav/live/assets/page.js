@@ -172,14 +172,14 @@ let opened_ms = 0;
 function listen() {
   opened_ms = performance.now();
   source = new EventSource("events");
-  const heed = (name, show) => source.addEventListener(name, (event) => {
+  const listen = (name, show) => source.addEventListener(name, (event) => {
     heard_ms = performance.now();
     show(JSON.parse(event.data));
     showState();
   });
-  heed("attitudes", showAttitudes);
-  heed("overview", showOverview);
-  heed("told", (data) => {
+  listen("attitudes", showAttitudes);
+  listen("overview", showOverview);
+  listen("told", (data) => {
     told = { ...data, heard_ms };
     showTold();
   });

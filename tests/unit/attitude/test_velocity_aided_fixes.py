@@ -54,7 +54,7 @@ def test_aiding_starts_with_the_third_fix_and_ends_without_fixes() -> None:
 
 
 @pytest.mark.parametrize(
-    "spoilt",
+    "damaged",
     [
         VelocityFix(0, (math.nan, 0.0, 0.0), 0.1),
         VelocityFix(0, (math.inf, 0.0, 0.0), 0.1),
@@ -65,13 +65,13 @@ def test_aiding_starts_with_the_third_fix_and_ends_without_fixes() -> None:
         VelocityFix(900_000, (0.0, 0.0, 0.0), 0.1),
     ],
 )
-def test_a_bad_fix_is_as_none(spoilt: VelocityFix) -> None:
+def test_a_bad_fix_is_as_none(damaged: VelocityFix) -> None:
     drive = accelerating(10.0, 5)
     filter_ = VelocityAidedFilter(GAINS)
     found = []
     for i, sample in enumerate(drive.flight.samples):
         if i % PERIOD == 0:
-            filter_.use_velocity(spoilt._replace(t_us=sample.t_us + spoilt.t_us))
+            filter_.use_velocity(damaged._replace(t_us=sample.t_us + damaged.t_us))
         found.append(filter_.update(sample))
     alone = VelocityAidedFilter(GAINS)
     assert found == [alone.update(sample) for sample in drive.flight.samples]

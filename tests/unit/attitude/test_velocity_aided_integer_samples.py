@@ -45,14 +45,14 @@ from h2nav.maths import quaternion
 def test_nothing_is_said_before_a_usable_sample() -> None:
     filter_ = new_filter()
     sample = fly(still, 0.05, 1).samples[0]
-    spoilt = [
+    damaged = [
         {"f_b": (0.0, 0.0, 0.0)},
         {"clipped": True},
         {"m_b_ut": None},
         {"w_b": (math.nan, 0.0, 0.0)},
         {"f_b": (1e30, 0.0, 0.0)},
     ]
-    for number, change in enumerate(spoilt):
+    for number, change in enumerate(damaged):
         assert filter_.update(sample._replace(t_us=10_000 * (number + 1), **change)) is None
     assert filter_.update(sample._replace(t_us=100_000)) is not None
 
@@ -210,8 +210,8 @@ def test_a_long_clipped_turn_starts_the_tilt_again() -> None:
     estimates = []
     for number, sample in enumerate(flight.samples):
         bad = 500 <= number < 550
-        spoilt = sample._replace(w_b=(5.0, 0.0, 0.0), clipped=True) if bad else sample
-        estimates.append(filter_.update(spoilt))
+        damaged = sample._replace(w_b=(5.0, 0.0, 0.0), clipped=True) if bad else sample
+        estimates.append(filter_.update(damaged))
     during, first = estimates[549], estimates[550]
     assert during is not None
     assert first is not None

@@ -11,7 +11,7 @@ from wire_frames import FrameMaker
 
 from h2nav.links.link_statistics import LinkStatistics
 from h2nav.links.links import Link, open_link
-from h2nav.links.udp import PEER_SILENCE_NS, WAITED_NS, Vouch
+from h2nav.links.udp import PEER_SILENCE_NS, WAITED_NS, AcceptsSender
 
 SILENCE_MS = PEER_SILENCE_NS / 1e6
 
@@ -27,8 +27,8 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-def opened(url: str, stack: ExitStack, clock: Clock, vouch: Vouch | None = None) -> Link:
-    link = open_link(url, vouch)
+def opened(url: str, stack: ExitStack, clock: Clock, accepts: AcceptsSender | None = None) -> Link:
+    link = open_link(url, accepts)
     stack.callback(link.close)
     bring_up(link, clock)
     return link
@@ -120,7 +120,7 @@ def test_two_senders_are_never_heard_at_once(stack: ExitStack, clock: Clock) -> 
     assert link.statistics.peer_changes == 0
 
 
-def test_a_stranger_needs_a_datagram_that_is_vouched_for(stack: ExitStack, clock: Clock) -> None:
+def test_a_stranger_needs_a_datagram_that_is_accepted(stack: ExitStack, clock: Clock) -> None:
     link = opened("udpin:127.0.0.1:0", stack, clock, lambda data: data.startswith(b"frame"))
     address = ("127.0.0.1", link.local_port)
     squatter, autopilot = bare_socket(stack), bare_socket(stack)

@@ -200,4 +200,4 @@ def test_a_velocity_that_agrees_with_the_autopilot_against_us_is_not_the_receive
         "our tilt off 11 deg, GPS backs autopilot", "by hand", id="tilt", backs_us=backs_us,
     )  # fmt: skip
     found = analyse(flown._replace(findings=(velocity, tilt)))
-    assert ("velocity" in found.misjudged) == is_ours
+    assert ("velocity" in found.cleared) == is_ours

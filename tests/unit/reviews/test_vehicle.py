@@ -376,7 +376,7 @@ def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
 
 
 @pytest.mark.parametrize("drift_m_s2", [0.0, 3.0])
-def test_a_receiver_that_is_blamed_in_flight_is_acquitted_where_it_fits(drift_m_s2):
+def test_a_receiver_that_is_blamed_in_flight_is_cleared_where_it_fits(drift_m_s2):
     blame = Finding(
         Kind.GPS_VELOCITY, Sensor(SensorKind.GPS), Severity.WARNING, 60.0, 75.0, 1.0, "", "text",
         "", "gps_velocity.gps.1",
@@ -385,7 +385,7 @@ def test_a_receiver_that_is_blamed_in_flight_is_acquitted_where_it_fits(drift_m_
     gps = flown.context.gps[0]
     v_n = gps.v_n + drift_m_s2 * np.clip(gps.t_s - 60.0, 0.0, 15.0)[:, None]
     context = flown.context._replace(gps=(gps._replace(v_n=v_n),))
-    assert (blame.id in analyse(flown._replace(context=context)).misjudged) == (drift_m_s2 == 0.0)
+    assert (blame.id in analyse(flown._replace(context=context)).cleared) == (drift_m_s2 == 0.0)
 
 
 # --- nobody innocent -----------------------------------------------------------------------------
@@ -513,5 +513,5 @@ def test_an_attitude_that_the_flight_check_could_not_judge_is_judged_by_the_whol
     (undecided,) = judged(context._replace(gps=()), track, ours, NEVER, (blame,))
     assert undecided.backs_us is None
     whole = analyse(flown._replace(context=context._replace(gps=()), findings=(blame,)))
-    assert blame.id in whole.misjudged
+    assert blame.id in whole.cleared
     assert shown.size > 3.0 * DEG / DEG

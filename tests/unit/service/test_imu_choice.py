@@ -16,7 +16,7 @@ def test_px4_avoids_the_message_whose_bias_its_estimator_removed():
 
 
 def uses(choice, message_id, t_ns):
-    considered = choice.considers(message_id, t_ns)
+    considered = choice.is_candidate(message_id, t_ns)
     if considered:
         choice.takes(message_id, t_ns)
     return considered

@@ -65,10 +65,10 @@ def test_a_place_is_read_once_a_second_after_the_field_is_known() -> None:
         start_ns = 1000 * bench.t_us
         bench.t_us += US_PER_SECOND
         times_ns = range(start_ns, 1000 * bench.t_us, 20_000_000)
-        heeded = [t_ns for t_ns in times_ns if bench.service.on_arrival(t_ns, (1, 1), place_id)]
-        for t_ns in heeded:
+        needed = [t_ns for t_ns in times_ns if bench.service.on_arrival(t_ns, (1, 1), place_id)]
+        for t_ns in needed:
             bench.service.on_message(Envelope(t_ns, t_ns, (1, 1), place_id), of)
-        return len(heeded)
+        return len(needed)
 
     assert places(Place(0.0, 0.0, 0.0)) == 50
     places(Place(47.4, 8.5, 500.0))

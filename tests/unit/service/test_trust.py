@@ -1,9 +1,9 @@
-"""When a lane is relied on: what is refused, what rests, what is spoilt and good again."""
+"""When a lane is relied on: what is refused, what rests, what has to restart and is good again."""
 
 import pytest
 
 from h2nav.maths.units import SECOND_NS
-from h2nav.service.trust import GOOD_AGAIN_NS, REFUSALS, REST_NS, SPOILT_NS, LaneTrust
+from h2nav.service.trust import GOOD_AGAIN_NS, REFUSALS, REST_NS, RESTART_AFTER_NS, LaneTrust
 
 NOW_NS = 100 * SECOND_NS
 
@@ -60,31 +60,31 @@ def test_a_stream_rests_for_a_minute_and_its_filter_begins_anew(trust):
     assert trust.rests(NOW_NS + REST_NS - 1)
     trust.wake(NOW_NS + REST_NS - 1)
     assert trust.rests_until_ns == NOW_NS + REST_NS
-    assert not trust.is_spoilt
+    assert not trust.needs_restart
     assert not trust.rests(NOW_NS + REST_NS)
     trust.wake(NOW_NS + REST_NS)
     assert trust.rests_until_ns is None
-    assert trust.is_spoilt
+    assert trust.needs_restart
     assert not trust.is_refused, "it has another chance"
 
 
-def test_bad_sensors_spoil_a_filter_after_a_second(trust):
+def test_bad_sensors_restart_a_filter_after_a_second(trust):
     trust.judge(NOW_NS, sensor_is_bad=True)
     assert trust.sensor_is_bad
-    trust.judge(NOW_NS + SPOILT_NS, sensor_is_bad=True)
-    assert not trust.is_spoilt
-    trust.judge(NOW_NS + SPOILT_NS + 1, sensor_is_bad=True)
-    assert trust.is_spoilt
+    trust.judge(NOW_NS + RESTART_AFTER_NS, sensor_is_bad=True)
+    assert not trust.needs_restart
+    trust.judge(NOW_NS + RESTART_AFTER_NS + 1, sensor_is_bad=True)
+    assert trust.needs_restart
 
 
-def test_sensors_that_are_bad_now_and_then_spoil_nothing(trust):
+def test_sensors_that_are_bad_now_and_then_restart_nothing(trust):
     for second in range(10):
-        trust.judge(NOW_NS + second * SPOILT_NS, sensor_is_bad=second % 2 == 0)
-    assert not trust.is_spoilt
+        trust.judge(NOW_NS + second * RESTART_AFTER_NS, sensor_is_bad=second % 2 == 0)
+    assert not trust.needs_restart
 
 
-def test_a_spoilt_filter_waits_until_its_sensors_have_been_good_for_a_second(trust):
-    trust.spoil()
+def test_a_filter_that_needs_a_restart_waits_until_its_sensors_have_been_good_for_a_second(trust):
+    trust.require_restart()
     assert not trust.is_good_again(NOW_NS), "nobody has looked yet"
     trust.judge(NOW_NS, sensor_is_bad=False)
     assert not trust.is_good_again(NOW_NS + GOOD_AGAIN_NS - 1)
@@ -95,4 +95,4 @@ def test_a_spoilt_filter_waits_until_its_sensors_have_been_good_for_a_second(tru
     trust.judge(NOW_NS + 3 * GOOD_AGAIN_NS, sensor_is_bad=False)
     assert trust.is_good_again(NOW_NS + 3 * GOOD_AGAIN_NS)
     trust.renew()
-    assert not trust.is_good_again(NOW_NS + 4 * GOOD_AGAIN_NS), "it is not spoilt"
+    assert not trust.is_good_again(NOW_NS + 4 * GOOD_AGAIN_NS), "it needs no restart"
