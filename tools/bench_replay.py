@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from h2nav.apps import playback
-from h2nav.apps.playback import Playback, Wishes
+from h2nav.apps.playback import Playback, PlaybackOptions
 from h2nav.apps.reviewing import review
 from h2nav.attitude.native import backend
 from h2nav.attitude.samples import AttitudeEstimate
@@ -38,7 +38,7 @@ class Nobody:
 def played(path: Path) -> float:
     """How many times faster than real time a recording is played, once it is open."""
     source = open_flight(path)
-    inputs = playback.inputs_for(source, Wishes())
+    inputs = playback.inputs_for(source, PlaybackOptions())
     pipeline = playback.pipeline_for(source, inputs, None, Nobody())
     playing = Playback(source, whole_frames=inputs.whole_frames)
     begun_s = time.process_time()
@@ -50,7 +50,7 @@ def played(path: Path) -> float:
 def reviewed(path: Path) -> float:
     """How many times faster than real time it is opened and reviewed."""
     begun_s = time.process_time()
-    length_s = review(open_flight(path), Wishes()).flight.context.duration_s
+    length_s = review(open_flight(path), PlaybackOptions()).flight.context.duration_s
     return length_s / (time.process_time() - begun_s)
 
 

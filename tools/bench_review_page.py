@@ -156,13 +156,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plotly", type=Path, action="append", default=[], metavar="FILE.js")
     parser.add_argument("--bokeh", action="store_true")
-    wished = parser.parse_args()
+    args = parser.parse_args()
     makers: dict[str, Callable[[], str]] = {}
-    if wished.bokeh or wished.plotly:
+    if args.bokeh or args.plotly:
         makers["uPlot"] = of_uplot
-    if wished.bokeh:
+    if args.bokeh:
         makers["Bokeh"] = of_bokeh
-    for bundle in wished.plotly:
+    for bundle in args.plotly:
         makers[bundle.stem] = lambda bundle=bundle: of_plotly(bundle)
     print("| | file | text is seen after | all is drawn after | work of the main thread |")
     print("|---|---|---|---|---|")

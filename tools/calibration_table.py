@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from h2nav.apps.playback import Wishes
+from h2nav.apps.playback import PlaybackOptions
 from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.evidence import Evidence
 from h2nav.calibration.field_fit import COUNT, OFFSET, FieldCorrection, FieldRows, fitted
@@ -46,7 +46,7 @@ def told(folder: Path) -> None:
     """The offsets set in simulators are in the README of the recordings."""
     for name in TOLD:
         parameters = {} if name.startswith("px4") else DEFAULTS
-        flight = evidence_of(open_flight(folder / f"{name}.tlog"), Wishes(), parameters)
+        flight = evidence_of(open_flight(folder / f"{name}.tlog"), PlaybackOptions(), parameters)
         found = calibrate([flight]).outcomes[0]
         values = ", ".join(f"{change.name} {change.new:.0f}" for change in found.changes)
         figures = found.figures
@@ -56,7 +56,7 @@ def told(folder: Path) -> None:
 
 def halves(path: Path) -> None:
     """All compasses of a flight."""
-    flight = evidence_of(open_flight(path), Wishes(), {})
+    flight = evidence_of(open_flight(path), PlaybackOptions(), {})
     for track in flight.compasses():
         own = flight.parameters
         settings = (
@@ -80,7 +80,7 @@ def halves(path: Path) -> None:
 
 def sound(path: Path) -> None:
     """Accelerometer, gyro and level by the second IMU of a simulator, which has no error."""
-    flight = evidence_of(open_flight(path), Wishes(), SOUND)
+    flight = evidence_of(open_flight(path), PlaybackOptions(), SOUND)
     tracks = tracks_of([flight], 1)
     if not tracks.pairs:
         return

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeVar
 from integrity_table import ALARM_FLIGHT_S, RECORDINGS, RECOVERY_S, Failure, simulated
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
+from h2nav.apps.playback import Playback, PlaybackOptions, inputs_for, pipeline_for
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.recordings.opening import open_flight
 from h2nav.sim.autopilot import AutopilotOptions
@@ -90,7 +90,7 @@ class Watcher:
 def recorded_row(path: Path) -> dict[str, Any]:
     """A recording through the service: how long it is, and what is found in it."""
     recording = open_flight(path)
-    inputs = inputs_for(recording, Wishes())
+    inputs = inputs_for(recording, PlaybackOptions())
     pipeline = pipeline_for(recording, inputs, None, Watcher())
     playback = Playback(recording, whole_frames=inputs.whole_frames)
     for _ in playback.through(pipeline):

@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.pipeline import Outlets, Pipeline
-from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
+from h2nav.apps.playback import Playback, PlaybackOptions, inputs_for, pipeline_for
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService
 from h2nav.evaluation.flights.tracks import ErrorTrack, Mask, figures, track_of, tracks_of_autopilot
 from h2nav.evaluation.flights.truth import Truth, truth_of
@@ -259,7 +259,7 @@ def simulated(options: AutopilotOptions, seconds: float) -> Flight:
 def recorded(path: Path) -> Flight:
     """A recording through the service."""
     recording = open_recording(path)
-    inputs = inputs_for(recording, Wishes())
+    inputs = inputs_for(recording, PlaybackOptions())
     said = Words()
     heard = Heard(said)
     pipeline = pipeline_for(recording, inputs, None, heard)

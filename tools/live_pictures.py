@@ -143,20 +143,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--faults", type=int, default=5)
-    wished = parser.parse_args()
-    wished.folder.mkdir(parents=True, exist_ok=True)
+    args = parser.parse_args()
+    args.folder.mkdir(parents=True, exist_ok=True)
     delays_s = []
     view = browser()
     try:
-        for number in range(wished.faults):
+        for number in range(args.faults):
             with tempfile.TemporaryDirectory() as folder, bench(folder) as running:
                 opened(view, running)
                 time.sleep(FLOWN_S if number == 0 else SETTLED_S)
                 if number == 0:
-                    save(view, DESKTOP, wished.folder / "live.png")
+                    save(view, DESKTOP, args.folder / "live.png")
                 delays_s.append(delay_s(view, running))
                 if number == 0:
-                    save(view, PHONE, wished.folder / "live_phone.png")
+                    save(view, PHONE, args.folder / "live_phone.png")
     finally:
         view.quit()
     print(f"words on the page after the daemon's notice, {len(delays_s)} faults: ", end="")

@@ -211,7 +211,7 @@ def _review(job: tuple[Path, Path]) -> str:
     playback.add_arguments(parser)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        write_review(path, folder, path.stem, playback.wishes(parser.parse_args([])))
+        write_review(path, folder, path.stem, playback.options(parser.parse_args([])))
     except BadInput as error:
         return f"{path.name}: {error}"
     return ""

@@ -74,11 +74,11 @@ def taken(view: webdriver.Chrome, pages: Path, folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    wished = parser.parse_args()
+    args = parser.parse_args()
     view = browser()
     try:
         with tempfile.TemporaryDirectory() as pages:
-            taken(view, Path(pages), wished.folder)
+            taken(view, Path(pages), args.folder)
     finally:
         view.quit()
 

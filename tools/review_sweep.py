@@ -24,7 +24,7 @@ import numpy as np
 from sweep.faults import FAULTS, FOREVER, Array, Case, Fault
 from sweep.recordings import FaultyLog, simulated_tlog, write_tlog
 
-from h2nav.apps.playback import Wishes
+from h2nav.apps.playback import PlaybackOptions
 from h2nav.apps.reviewing import review
 from h2nav.evaluation.parallel import results
 from h2nav.integrity.findings import Finding, SensorKind, Severity
@@ -91,7 +91,7 @@ def outcome(task: Task) -> Outcome:
         return Outcome(task.path.stem, task.fault, None, [])
     with tempfile.TemporaryDirectory() as folder:
         faulty = _with_fault(source, Path(folder), fault, case, only_first=task.only_first)
-        flight, analysis = review(faulty, Wishes())
+        flight, analysis = review(faulty, PlaybackOptions())
     found = [*flight.findings, *analysis.findings]
     told = [finding for finding in found if finding.severity <= Severity.NOTICE]
     return Outcome(task.path.stem, task.fault, case, told)

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         with byte_bar(path.name) as progress:
             source = open_flight(path)
             evidence.append(
-                evidence_of(source, playback.wishes(args), parameters, progress=progress)
+                evidence_of(source, playback.options(args), parameters, progress=progress)
             )
     calibration = calibrate(evidence)
     if args.output is not None and calibration.changes:

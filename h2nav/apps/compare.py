@@ -72,8 +72,8 @@ def _document(path: Path, args: argparse.Namespace) -> dict[str, Any]:
             )
         return found
     with byte_bar(path.name) as progress:
-        wished = playback.wishes(args)
-        return document(*review(open_flight(path), wished, smooths=False, progress=progress))
+        options = playback.options(args)
+        return document(*review(open_flight(path), options, smooths=False, progress=progress))
 
 
 def _show(found: dict[str, Any]) -> None:

@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 def _tasks(args: argparse.Namespace) -> list[FlightTask]:
     paths = flight_paths(args.place)
     stems = Counter(path.stem for path in paths)
-    played = functools.partial(play, wished=playback.wishes(args))
+    played = functools.partial(play, options=playback.options(args))
     phases = None if args.phases is None else tuple(args.phases)
     return [
         FlightTask(

@@ -84,10 +84,10 @@ def run(args: argparse.Namespace) -> int:
     _check(args, workers)
     changes = () if args.components is None else read_components(args.components)
     sources = find(args.sources)
-    wished = playback.wishes(args)
+    options = playback.options(args)
     work = Work(
-        functools.partial(review_flight, wished=wished),
-        f"{program_digest()} {_description(wished)}",
+        functools.partial(review_flight, options=options),
+        f"{program_digest()} {_description(options)}",
         Limits(args.longest_s, args.memory_mb),
     )
     store = Store(args.output)
@@ -109,11 +109,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def review_flight(path: Path, folder: Path, wished: playback.Wishes) -> dict[str, Any]:
+def review_flight(path: Path, folder: Path, options: playback.PlaybackOptions) -> dict[str, Any]:
     """Reviews one flight on a worker; see `h2nav.fleet.work.Review`."""
     from h2nav.apps.reviewing import write_review
 
-    found = write_review(path, folder, "review", wished)
+    found = write_review(path, folder, "review", options)
     return {**row_of(found), "findings": found["findings"], "page": "review.html"}
 
 
@@ -161,10 +161,10 @@ def _check(args: argparse.Namespace, workers: int) -> None:
         raise BadInput("--memory-mb and --longest-s: expected more than 0")
 
 
-def _description(wished: playback.Wishes) -> str:
+def _description(options: playback.PlaybackOptions) -> str:
     """What the user wants, for the key of the results; a configuration by its content."""
-    config = "" if wished.config is None else Path(wished.config).read_text(errors="replace")
-    return repr((config, wished.filter_name, wished.vehicle_class))
+    config = "" if options.config is None else Path(options.config).read_text(errors="replace")
+    return repr((config, options.filter_name, options.vehicle_class))
 
 
 def _document(outcome: "TaskOutcome", place: str, elapsed_s: float) -> dict[str, Any]:

@@ -195,8 +195,8 @@ def _reviewed(path: Path) -> dict[str, Any]:
     from h2nav.reviews.document import document
 
     with byte_bar(f"reviewing {path.name}") as progress:
-        wished = playback.Wishes()
-        return document(*review(open_flight(path), wished, smooths=False, progress=progress))
+        options = playback.PlaybackOptions()
+        return document(*review(open_flight(path), options, smooths=False, progress=progress))
 
 
 def differences(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[str]:

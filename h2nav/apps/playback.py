@@ -38,7 +38,7 @@ TICK_NS = 100_000_000
 SILENCE_NS = 60_000_000_000
 
 
-class Wishes(NamedTuple):
+class PlaybackOptions(NamedTuple):
     """The user's changes to the recording's own inputs; None = unchanged."""
 
     config: Path | None = None  # configuration file
@@ -50,7 +50,7 @@ class Wishes(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the options that `wishes` reads."""
+    """Declares the options that `options` reads."""
     parser.add_argument(
         "-c",
         "--config",
@@ -71,9 +71,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def wishes(args: argparse.Namespace) -> Wishes:
+def options(args: argparse.Namespace) -> PlaybackOptions:
     """Reads the changes from the command line."""
-    return Wishes(args.config, args.filter, args.vehicle_class)
+    return PlaybackOptions(args.config, args.filter, args.vehicle_class)
 
 
 class Inputs(NamedTuple):
@@ -87,20 +87,20 @@ class Inputs(NamedTuple):
     whole_frames: bool
 
 
-def inputs_for(recording: Source, wished: Wishes) -> Inputs:
+def inputs_for(recording: Source, options: PlaybackOptions) -> Inputs:
     """Configuration and gains: the recording's own, with the user's changes.
 
     Raises:
         BadInput: a configuration or a gain file is not usable.
     """
-    recorded = _recorded(recording, has_own=wished.config is not None)
-    if recorded is not None and recorded.remark and wished.config is None:
+    recorded = _recorded(recording, has_own=options.config is not None)
+    if recorded is not None and recorded.remark and options.config is None:
         print(f"{recording.path}: {recorded.remark}", file=sys.stderr)
-    if wished.config is not None:
-        chosen = configuration.read(wished.config)
+    if options.config is not None:
+        chosen = configuration.read(options.config)
     else:
         chosen = recorded.configuration if recorded else Configuration()
-    chosen = _changed(chosen, wished)
+    chosen = _changed(chosen, options)
     whole_frames = recorded is not None and bool(recorded.configuration.signing.key_file)
     if recorded is not None and not recorded.remark and chosen == recorded.configuration:
         filters = FilterFactory.recorded(
@@ -121,19 +121,19 @@ def date_of(recording: Source, recorded: RecordedInputs | None) -> float:
     return recording.unix_start_ns * 1e-9 or time.time()
 
 
-def _changed(chosen: Configuration, wished: Wishes) -> Configuration:
+def _changed(chosen: Configuration, options: PlaybackOptions) -> Configuration:
     changes: dict[str, Any] = {}
-    if wished.filter_name is not None:
-        changes["name"] = wished.filter_name
+    if options.filter_name is not None:
+        changes["name"] = options.filter_name
         # The name alone selects the arithmetic.
-        possible = algorithm(wished.filter_name).makers
+        possible = algorithm(options.filter_name).makers
         if chosen.filter.arithmetic not in possible:
             changes["arithmetic"] = next(iter(possible))
-    if wished.vehicle_class is not None:
-        changes["vehicle_class"] = wished.vehicle_class
+    if options.vehicle_class is not None:
+        changes["vehicle_class"] = options.vehicle_class
     chosen = dataclasses.replace(chosen, filter=dataclasses.replace(chosen.filter, **changes))
-    if wished.gps_velocity is not None:
-        chosen = fusing_gps(chosen, wished.gps_velocity)
+    if options.gps_velocity is not None:
+        chosen = fusing_gps(chosen, options.gps_velocity)
     return chosen
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from h2nav.apps.playback import Playback, Wishes, fusing_gps, inputs_for, pipeline_for
+from h2nav.apps.playback import Playback, PlaybackOptions, fusing_gps, inputs_for, pipeline_for
 from h2nav.evaluation.flights.heard import FromAutopilot, FromService, HeardFlight
 from h2nav.recordings.recording import open_recording
 
@@ -10,14 +10,14 @@ from h2nav.recordings.recording import open_recording
 ESTIMATORS = {"h2nav": True, "h2nav_no_gps": False}
 
 
-def play(path: Path, wished: Wishes) -> HeardFlight:
+def play(path: Path, options: PlaybackOptions) -> HeardFlight:
     """Plays a recording through one service per estimator, in one pass over the file.
 
     Raises:
         BadInput: the recording or the configuration cannot be used.
     """
     recording = open_recording(path)
-    inputs = inputs_for(recording, wished)
+    inputs = inputs_for(recording, options)
     autopilot = FromAutopilot()
     runs, pipelines = {}, []
     for number, (name, fuses_gps) in enumerate(ESTIMATORS.items()):

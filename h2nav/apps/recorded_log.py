@@ -46,7 +46,7 @@ def _replayed(path: Path, log: Path, progress: Progress) -> None:
     from h2nav.recordings.opening import open_flight
 
     recording = open_flight(path)
-    inputs = playback.inputs_for(recording, playback.Wishes())
+    inputs = playback.inputs_for(recording, playback.PlaybackOptions())
     recorder = Recorder.to_file(log, recording.unix_offset_ns)
     try:
         attach_inputs(recorder, inputs.configuration, inputs.filters, inputs.unix_s)

@@ -61,8 +61,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replays the recording and prints the error table."""
     recording = open_flight(args.log)
-    wishes = playback.wishes(args)._replace(gps_velocity=False if args.no_gps else None)
-    inputs = playback.inputs_for(recording, wishes)
+    options = playback.options(args)._replace(gps_velocity=False if args.no_gps else None)
+    inputs = playback.inputs_for(recording, options)
     output = None if args.no_log else (args.output or _free_name(args.log))
     recorder = None
     if output is not None:

@@ -144,7 +144,7 @@ def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> 
     from h2nav.apps.reviewing import write_review
 
     with byte_bar(path.name) as progress:
-        wished = playback.wishes(args)._replace(
+        options = playback.options(args)._replace(
             calibrates=not args.no_smooth, earlier=rows_in(args.earlier)
         )
         try:
@@ -152,7 +152,7 @@ def _reviewed(path: Path, folder: Path, name: str, args: argparse.Namespace) -> 
                 path,
                 folder,
                 name,
-                wished,
+                options,
                 smooths=not args.no_smooth,
                 progress=progress,
             )

@@ -158,10 +158,12 @@ def _earlier(folder: FlightFolder, flight: FlightFiles) -> "tuple[FlightRow, ...
 
 def _written(path: Path, scratch: Path, earlier: "tuple[FlightRow, ...]") -> dict[str, Any]:
     """Writes a review into a folder; returns its row of the list."""
-    from h2nav.apps.playback import Wishes
+    from h2nav.apps.playback import PlaybackOptions
     from h2nav.apps.reviewing import write_review
 
-    document = write_review(path, scratch, "review", Wishes(calibrates=True, earlier=earlier))
+    document = write_review(
+        path, scratch, "review", PlaybackOptions(calibrates=True, earlier=earlier)
+    )
     for file in scratch.iterdir():
         file.chmod(FILE_MODE)
     return summary_of(document)

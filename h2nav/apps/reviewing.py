@@ -8,7 +8,7 @@ import orjson
 
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
-from h2nav.apps.playback import Playback, Wishes
+from h2nav.apps.playback import Playback, PlaybackOptions
 from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.files import ParameterFormat, written
 from h2nav.calibration.vehicle import calibrate, document_of
@@ -42,7 +42,7 @@ class Reviewed(NamedTuple):
 
 def review(
     source: Source,
-    wished: Wishes,
+    options: PlaybackOptions,
     *,
     smooths: bool = True,
     progress: Progress = lambda done, total: None,
@@ -57,15 +57,15 @@ def review(
     Raises:
         BadInput: the configuration is not usable.
     """
-    return _reviewed(source, wished, smooths, progress)[0]
+    return _reviewed(source, options, smooths, progress)[0]
 
 
 def _reviewed(
-    source: Source, wished: Wishes, smooths: bool, progress: Progress
+    source: Source, options: PlaybackOptions, smooths: bool, progress: Progress
 ) -> tuple[Reviewed, "_Heard | None"]:
     """The review, and what a calibration needs."""
-    flight, heard = _played(source, wished, progress)
-    flight = flight._replace(earlier=wished.earlier)
+    flight, heard = _played(source, options, progress)
+    flight = flight._replace(earlier=options.earlier)
     del source  # it may hold half of the memory
     if smooths and heard is not None:
         failed: list[int] = []
@@ -92,7 +92,7 @@ def _calibration(flight: Flight, heard: "_Heard") -> dict[str, Any]:
 
 def evidence_of(
     source: Source,
-    wished: Wishes,
+    options: PlaybackOptions,
     parameters: Mapping[str, float],
     *,
     progress: Progress = lambda done, total: None,
@@ -106,7 +106,7 @@ def evidence_of(
         BadInput: the recording gives no attitude, or the configuration is not usable.
     """
     name = source.path
-    flight, heard = _played(source, wished, progress)
+    flight, heard = _played(source, options, progress)
     free = None if heard is None else _smoothed(*heard, with_field=False)
     if free is None:
         raise BadInput(f"{name}: {flight.why_no_estimate or 'no attitude'}; nothing to calibrate")
@@ -121,13 +121,15 @@ class _Heard(NamedTuple):
     start_ns: int  # host time of the recording's first arrival
 
 
-def _played(source: Source, wished: Wishes, progress: Progress) -> tuple[Flight, _Heard | None]:
+def _played(
+    source: Source, options: PlaybackOptions, progress: Progress
+) -> tuple[Flight, _Heard | None]:
     """Plays a flight without smoothing and analysis; frees what only the playback needs."""
     context = _context(source)
     collector = Collector()
     if not has_enough_samples(context):
         return _without_estimate(source, context), None
-    inputs = playback.inputs_for(source, wished)
+    inputs = playback.inputs_for(source, options)
     listener = Listener(inputs.filters.filter_for)
     pipeline = playback.pipeline_for(
         source, inputs, None, collector, listener.filter_for, observer=collector
@@ -148,7 +150,7 @@ def write_review(
     path: Path,
     folder: Path,
     name: str,
-    wished: Wishes,
+    options: PlaybackOptions,
     *,
     smooths: bool = True,
     progress: Progress = lambda done, total: None,
@@ -167,9 +169,9 @@ def write_review(
         BadInput: not a recording, or the configuration is not usable.
         OSError: a file cannot be written.
     """
-    reviewed, heard = _reviewed(open_flight(path), wished, smooths, progress)
+    reviewed, heard = _reviewed(open_flight(path), options, smooths, progress)
     found = document(*reviewed)
-    if wished.calibrates and heard is not None:
+    if options.calibrates and heard is not None:
         found["calibration"] = _calibration(reviewed.flight, heard)
     (folder / f"{name}.html").write_text(page(*reviewed, found), encoding="utf-8")
     (folder / f"{name}.json").write_bytes(orjson.dumps(found, option=orjson.OPT_INDENT_2))

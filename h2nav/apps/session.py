@@ -215,7 +215,7 @@ def _event_socket(
 
 
 def _log_fetcher(configuration: Configuration, watcher: Watcher) -> "LogFetcher | None":
-    """Fetches the autopilot's logs; None, and nothing imported, if that is not wished."""
+    """Fetches the autopilot's logs; None, and nothing imported, if that is not wanted."""
     if not (configuration.flights.fetch_log and configuration.log.folder):
         return None
     from h2nav.apps.log_fetcher import LogFetcher
@@ -229,7 +229,7 @@ def _flight_keeper(
     console: Console,
     fetcher: "LogFetcher | None",
 ) -> "FlightKeeper | None":
-    """Keeps the record of flights; None, and nothing imported, without a log or if not wished."""
+    """Keeps the record of flights; None, and nothing imported, without a log or if not wanted."""
     settings = configuration.flights
     if recorder is None or not (settings.review or settings.fetch_log):
         return None

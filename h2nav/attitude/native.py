@@ -27,13 +27,13 @@ def native_kernels() -> ModuleType | None:
     Raises:
         BadInput: H2NAV_NATIVE requires them and they are absent, or its value is unknown.
     """
-    wish = os.environ.get(SWITCH, "")
-    if wish not in ("", "require", "forbid"):
-        raise BadInput(f"{SWITCH}: expected require or forbid, found {wish!r}; or leave it unset")
-    if wish == "forbid":
+    switch = os.environ.get(SWITCH, "")
+    if switch not in ("", "require", "forbid"):
+        raise BadInput(f"{SWITCH}: expected require or forbid, found {switch!r}; or leave it unset")
+    if switch == "forbid":
         return None
     native = _current_build()
-    if native is None and wish == "require":
+    if native is None and switch == "require":
         raise BadInput(
             f"{SWITCH}: the compiled kernels are absent or older than the Python ones; "
             "install h2nav again with a C compiler"

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from h2nav.apps import reviewing
-from h2nav.apps.playback import Wishes
+from h2nav.apps.playback import PlaybackOptions
 from h2nav.recordings.context import Context
 from h2nav.recordings.imported import ImportedLog
 from h2nav.recordings.opening import open_flight
@@ -41,7 +41,7 @@ def review(path: Path | str, *, html: Path | str | None = None) -> dict[str, Any
         BadInput: not a recording, or not readable.
         OSError: the page cannot be written.
     """
-    reviewed = reviewing.review(open_flight(path), Wishes())
+    reviewed = reviewing.review(open_flight(path), PlaybackOptions())
     found = document(*reviewed)
     if html is not None:
         Path(html).write_text(page(*reviewed, found), encoding="utf-8")

@@ -12,7 +12,7 @@ from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Effect, Record
 from h2nav.service.limits import RateLimit
 from h2nav.service.records import ComparisonRecord
-from h2nav.service.wished_stream import Wish
+from h2nav.service.requested_stream import WantedStream
 from h2nav.wire.attitude import ReportedAttitude
 
 # The largest rate of comparison; faster streams in recordings are thinned.
@@ -33,14 +33,14 @@ class LatestReport(NamedTuple):
     q_nb: Quat  # body to NED
 
 
-def wishes(autopilot: int, rate_hz: float) -> tuple[Wish, ...]:
+def wanted_streams(autopilot: int, rate_hz: float) -> tuple[WantedStream, ...]:
     """The streams to request from this make of autopilot (MAV_AUTOPILOT); a rate of 0 = none."""
     if rate_hz == 0.0:
         return ()
-    attitude = Wish(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz, is_optional=True)
+    attitude = WantedStream(mavlink.MAVLINK_MSG_ID_ATTITUDE, rate_hz, is_optional=True)
     if autopilot != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         return (attitude,)
-    second = Wish(mavlink.MAVLINK_MSG_ID_AHRS2, AHRS2_SHARE * rate_hz, is_optional=True)
+    second = WantedStream(mavlink.MAVLINK_MSG_ID_AHRS2, AHRS2_SHARE * rate_hz, is_optional=True)
     return attitude, second
 
 

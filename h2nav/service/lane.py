@@ -109,7 +109,7 @@ class Lane:
         self._filter = chosen_filter
         self._wanted_hz = settings.imu_rate_hz
         lends = settings.imu_message == "auto"
-        self._wished_id = messages.message_ids[0]
+        self._wanted_id = messages.message_ids[0]
         self._intake = Intake(messages, identity.autopilot, lends=lends)
         self._trust = LaneTrust(count)
         self._bias = OwnBias()
@@ -147,7 +147,7 @@ class Lane:
     def stream_id(self) -> int:
         """The message in use, or else the one requested for it, of which nothing may be usable."""
         message = self._intake.message
-        return self._wished_id if message is None else message.message_id
+        return self._wanted_id if message is None else message.message_id
 
     @property
     def has_estimate(self) -> bool:

@@ -16,8 +16,8 @@ from h2nav.service.motion_twist import TwistMotion
 from h2nav.service.motion_wheels import WheelMotion
 from h2nav.service.notices import Report
 from h2nav.service.outputs import Outputs
+from h2nav.service.requested_stream import WantedStream
 from h2nav.service.settings import ServiceSettings
-from h2nav.service.wished_stream import Wish
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 
@@ -29,7 +29,7 @@ class MotionEstimation(Protocol):
 
     is_estimated: bool  # it takes samples
     message_ids: frozenset[int]  # the messages that it uses, from any component of the vehicle
-    wishes: tuple[Wish, ...]  # streams to request from the autopilot
+    wanted_streams: tuple[WantedStream, ...]  # streams to request from the autopilot
 
     @property
     def rejected(self) -> Counter[str]:
@@ -55,7 +55,7 @@ class NoMotion:
 
     is_estimated = False
     message_ids: frozenset[int] = frozenset()
-    wishes: tuple[Wish, ...] = ()
+    wanted_streams: tuple[WantedStream, ...] = ()
 
     @property
     def rejected(self) -> Counter[str]:

@@ -19,7 +19,7 @@ from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_records import pose_record, twist_record
 from h2nav.service.motion_source import MotionRefusal, MotionSource
 from h2nav.service.outputs import SentMotion
-from h2nav.service.wished_stream import Wish
+from h2nav.service.requested_stream import WantedStream
 from h2nav.wire.motion import POSE_OF_AUTOPILOT, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 
@@ -58,7 +58,7 @@ class TwistMotion:
             for message_id, name in POSE_MESSAGES.items()
             if pose_message in ("auto", name)
         )
-        self.wishes: tuple[Wish, ...] = ()
+        self.wanted_streams: tuple[WantedStream, ...] = ()
         self._observer = TwistObserver(settings)
         self._source = source
         self._out = out

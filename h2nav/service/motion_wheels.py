@@ -15,7 +15,7 @@ from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite
 from h2nav.service.motion_records import wheels_record
 from h2nav.service.motion_source import MotionSource
 from h2nav.service.outputs import SentMotion
-from h2nav.service.wished_stream import Wish
+from h2nav.service.requested_stream import WantedStream
 from h2nav.wire.motion import WHEELS_STRAY_TIME, PoseReading, WheelDistances
 from h2nav.wire.readers import Envelope
 
@@ -46,7 +46,9 @@ class WheelMotion:
         out: OdometryOut,
         unix_offset_ns: int,
     ) -> None:
-        self.wishes: tuple[Wish, ...] = (Wish(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, rate_hz),)
+        self.wanted_streams: tuple[WantedStream, ...] = (
+            WantedStream(mavlink.MAVLINK_MSG_ID_WHEEL_DISTANCE, rate_hz),
+        )
         self._wheels = WheelOdometry(settings)
         self._source = source
         self._out = out

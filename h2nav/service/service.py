@@ -159,7 +159,7 @@ class Service:
         self._clocks = Clocks()
         self._lateness, self.time_sync = self._clocks.lateness, self._clocks.time_sync
         self._conversation = Conversation(settings.output, self._outputs, self.time_sync)
-        self._wanted = Wanted(settings, self.motion.wishes)
+        self._wanted = Wanted(settings, self.motion.wanted_streams)
         self._routing = Routing(
             self._autopilot, self._wanted, self._estimation, self._comparing, self._aiding
         )

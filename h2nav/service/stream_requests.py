@@ -22,7 +22,13 @@ from h2nav.integrity.findings import Severity
 from h2nav.maths.units import SECOND_NS
 from h2nav.service.effects import Notice
 from h2nav.service.rate_meter import LONGEST_SPAN_NS, RateMeter
-from h2nav.service.wished_stream import SHORTEST_LOOK_NS, StreamPhase, Trouble, Wish, WishedStream
+from h2nav.service.requested_stream import (
+    SHORTEST_LOOK_NS,
+    RequestedStream,
+    StreamPhase,
+    Trouble,
+    WantedStream,
+)
 from h2nav.wire import outbound
 from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.readers import message_name
@@ -59,18 +65,18 @@ class StreamRequests:
     """The negotiation of streams with one autopilot.
 
     Args:
-        wishes: the wanted streams, the most important first.
+        wanted: the wanted streams, the most important first.
         autopilot: MAV_AUTOPILOT of its heartbeat.
         asks: requests are sent; not so where another program does, and in a replay.
     """
 
     def __init__(
         self,
-        wishes: tuple[Wish, ...],
+        wanted: tuple[WantedStream, ...],
         autopilot: int = mavlink.MAV_AUTOPILOT_GENERIC,
         asks: bool = True,
     ) -> None:
-        self._streams = [WishedStream(wish) for wish in wishes]
+        self._streams = [RequestedStream(one) for one in wanted]
         self._autopilot = autopilot
         self._asks = asks
         self._meter = RateMeter()
@@ -82,7 +88,7 @@ class StreamRequests:
         self._notices: list[Notice] = []
         self._held_hz: dict[int, float] = {}
         self._noted_ns = 0
-        self._waiting: WishedStream | None = None
+        self._waiting: RequestedStream | None = None
         self._refused_waiting = False
         self._unanswered = 0
         self._listening_since_ns: int | None = None
@@ -114,9 +120,9 @@ class StreamRequests:
         """Takes a STATUSTEXT of the autopilot, which may explain a refusal."""
         match = UNKNOWN_MESSAGE.search(text)
         if match is not None:
-            wished = {f"{i}": i for stream in self._streams for i in stream.candidates}
-            if match[1] in wished:
-                self._unknown_ids.add(wished[match[1]])
+            asked_for = {f"{i}": i for stream in self._streams for i in stream.candidates}
+            if match[1] in asked_for:
+                self._unknown_ids.add(asked_for[match[1]])
 
     def acknowledged(self, t_ns: int, result: int) -> None:
         """Takes the COMMAND_ACK of our SET_MESSAGE_INTERVAL."""
@@ -157,7 +163,7 @@ class StreamRequests:
                 stream.want_now(t_ns)
         for stream in self._streams:
             trouble = stream.review(t_ns, self._meter)
-            if trouble is not None and stream.wish.is_optional:
+            if trouble is not None and stream.wanted.is_optional:
                 if trouble is not Trouble.CUT or not stream.is_enough(self._needed[0].rate_hz):
                     stream.give_up(t_ns)
             elif trouble is not None and self._unanswered == 0 and t_ns >= self._spared_until_ns:
@@ -166,7 +172,7 @@ class StreamRequests:
 
     def _spare_the_needed(self, t_ns: int) -> None:
         """Gives up an optional stream, which may be why a needed one does not come."""
-        asked = [s for s in self._streams if s.wish.is_optional and not s.is_untouched]
+        asked = [s for s in self._streams if s.wanted.is_optional and not s.is_untouched]
         if asked:
             self._spared_until_ns = t_ns + SPARED_NS
         needed = self._needed
@@ -179,7 +185,7 @@ class StreamRequests:
     def give_up(self, t_ns: int, message_id: int) -> None:
         """Gives up an optional stream that has turned out to be useless."""
         for stream in self._streams:
-            if stream.wish.is_optional and stream.message_id == message_id:
+            if stream.wanted.is_optional and stream.message_id == message_id:
                 stream.give_up(t_ns)
 
     # --- what is asked ------------------------------------------------------------------------
@@ -221,7 +227,7 @@ class StreamRequests:
             if message_id in stream.candidates and self._asks:
                 return stream.rate_hz
             if message_id in stream.candidates and message_id in self._held_hz:
-                return min(self._held_hz[message_id], stream.wish.rate_hz)
+                return min(self._held_hz[message_id], stream.wanted.rate_hz)
         return None
 
     def is_given_up(self, message_id: int) -> bool:
@@ -248,22 +254,22 @@ class StreamRequests:
     # --- the rest -----------------------------------------------------------------------------
 
     @property
-    def _needed(self) -> list[WishedStream]:
-        return [stream for stream in self._streams if not stream.wish.is_optional]
+    def _needed(self) -> list[RequestedStream]:
+        return [stream for stream in self._streams if not stream.wanted.is_optional]
 
     def _is_silent(self, t_ns: int) -> bool:
         return self._heard_ns is None or t_ns - self._heard_ns > SILENT_NS
 
-    def _may_ask(self, stream: WishedStream) -> bool:
+    def _may_ask(self, stream: RequestedStream) -> bool:
         """Optional streams wait for the others; a request for a group would not help them."""
-        if not stream.wish.is_optional:
+        if not stream.wanted.is_optional:
             return True
         needed = self._needed
         comes = needed[0].phase is StreamPhase.HELD and all(other.is_decided for other in needed)
         return comes and self._unanswered == 0
 
-    def _comes(self, stream: WishedStream) -> bool:
-        """Whether any message of the wish has come."""
+    def _comes(self, stream: RequestedStream) -> bool:
+        """Whether any message of the stream has come."""
         return any(self._meter.since(message_id, 0).messages for message_id in stream.candidates)
 
     def _is_waiting(self, t_ns: int) -> bool:
@@ -276,7 +282,7 @@ class StreamRequests:
             is_px4 = self._autopilot == mavlink.MAV_AUTOPILOT_PX4
             is_unknown = is_px4 or stream.message_id in self._unknown_ids
             trouble = stream.refused(t_ns, is_unknown)
-            if trouble is not None and not stream.wish.is_optional:
+            if trouble is not None and not stream.wanted.is_optional:
                 self._report(t_ns, stream, trouble)
         elif stream.since_ns is not None and t_ns - stream.since_ns < ACK_WAIT_NS:
             return True
@@ -286,7 +292,7 @@ class StreamRequests:
         self._waiting = None
         return False
 
-    def _ask(self, t_ns: int, stream: WishedStream, target: Address) -> OutMessage:
+    def _ask(self, t_ns: int, stream: RequestedStream, target: Address) -> OutMessage:
         rate_hz = stream.asked(t_ns, self._most_hz)
         group = DATA_STREAMS.get(stream.message_id)
         if self._unanswered >= UNANSWERED_BEFORE_FALLBACK and group is not None:
@@ -295,9 +301,9 @@ class StreamRequests:
         self._waiting = stream
         return outbound.set_message_interval(target, stream.message_id, rate_hz)
 
-    def _granted(self, t_ns: int, stream: WishedStream) -> None:
+    def _granted(self, t_ns: int, stream: RequestedStream) -> None:
         trouble = stream.granted(t_ns)
-        if stream.wish.is_optional:
+        if stream.wanted.is_optional:
             if not stream.is_enough(self._needed[0].rate_hz):
                 stream.give_up(t_ns)
         elif trouble is Trouble.LOWERED:
@@ -315,7 +321,7 @@ class StreamRequests:
                 if hz is not None:
                     self._held_hz[message_id] = max(hz, self._held_hz.get(message_id, 0.0))
 
-    def _report(self, t_ns: int, stream: WishedStream, trouble: Trouble) -> None:
+    def _report(self, t_ns: int, stream: RequestedStream, trouble: Trouble) -> None:
         """Notes a trouble, once; a reduced rate, once in ten minutes."""
         rate_hz = stream.rate_hz if trouble is Trouble.LOWERED else 0.0
         key = (stream.message_id, trouble, rate_hz)
@@ -325,9 +331,9 @@ class StreamRequests:
             self._reported_ns[key] = t_ns
             self._notices.append(Notice(Severity.WARNING, self._text(stream, trouble)))
 
-    def _text(self, stream: WishedStream, trouble: Trouble) -> str:
+    def _text(self, stream: RequestedStream, trouble: Trouble) -> str:
         name = message_name(stream.message_id)
-        wanted = f"of {stream.wish.rate_hz:.0f} Hz"
+        wanted = f"of {stream.wanted.rate_hz:.0f} Hz"
         came = f"{name} {stream.measured_hz:.0f} {wanted}"
         limit = LIMITS.get(self._autopilot, "the autopilot refuses more")
         others = len(stream.candidates) - 1

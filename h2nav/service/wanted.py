@@ -14,9 +14,9 @@ from h2nav.service.effects import Notice
 from h2nav.service.field_source import CALIBRATED_ID
 from h2nav.service.imu_choice import lanes_wanted, preference
 from h2nav.service.parameter_request import ParameterRequests
+from h2nav.service.requested_stream import WantedStream
 from h2nav.service.settings import ServiceSettings
 from h2nav.service.stream_requests import StreamRequests
-from h2nav.service.wished_stream import Wish
 from h2nav.wire.imu import IMU_MESSAGES
 from h2nav.wire.outbound import Address, OutMessage
 from h2nav.wire.vehicle import CommandAck, ParameterValue, StatusText
@@ -38,7 +38,7 @@ class Wanted:
         arrived: counts a message of the bound autopilot, by its id.
     """
 
-    def __init__(self, settings: ServiceSettings, of_motion: tuple[Wish, ...]) -> None:
+    def __init__(self, settings: ServiceSettings, of_motion: tuple[WantedStream, ...]) -> None:
         self._settings, self._of_motion = settings, of_motion
         self._streams = StreamRequests((), 0, False)
         self._parameters = ParameterRequests()
@@ -53,8 +53,8 @@ class Wanted:
             parameters: names of those wanted most; empty ones do not count.
         """
         make, settings = identity.autopilot, self._settings
-        wishes = wishes_for(settings, identity, self._of_motion)
-        self._streams = StreamRequests(wishes, make, settings.autopilot.request_streams)
+        streams = streams_wanted(settings, identity, self._of_motion)
+        self._streams = StreamRequests(streams, make, settings.autopilot.request_streams)
         self._parameters = ParameterRequests(
             *filter(None, parameters), *before_arming.parameters(make)
         )
@@ -131,35 +131,36 @@ class Wanted:
         return self._streams.notices()
 
 
-def wishes_for(
-    wanted: ServiceSettings, identity: Identity, of_motion: tuple[Wish, ...]
-) -> tuple[Wish, ...]:
+def streams_wanted(
+    settings: ServiceSettings, identity: Identity, of_motion: tuple[WantedStream, ...]
+) -> tuple[WantedStream, ...]:
     """The streams to request from an autopilot, the most important first."""
     autopilot = identity.autopilot
-    first, *others = preference(autopilot, wanted.autopilot.imu_message)
-    wishes = [Wish(first, wanted.autopilot.imu_rate_hz, tuple(others))]
+    first, *others = preference(autopilot, settings.autopilot.imu_message)
+    streams = [WantedStream(first, settings.autopilot.imu_rate_hz, tuple(others))]
     is_raw = autopilot in IMU_MESSAGES[first].raw_field_of
     if is_raw and CALIBRATED_ID in others:
-        field_rate_hz = min(FIELD_RATE_HZ, FIELD_SHARE * wanted.autopilot.imu_rate_hz)
-        wishes.append(Wish(CALIBRATED_ID, field_rate_hz))
-    if wanted.aiding.gps_velocity or wanted.north.declination != "none":
-        wishes.append(Wish(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5.0))
-    wishes.append(Wish(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1.0))
-    wishes.append(Wish(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0))
-    if wanted.autopilot.simulation_truth:
+        field_rate_hz = min(FIELD_RATE_HZ, FIELD_SHARE * settings.autopilot.imu_rate_hz)
+        streams.append(WantedStream(CALIBRATED_ID, field_rate_hz))
+    if settings.aiding.gps_velocity or settings.north.declination != "none":
+        streams.append(WantedStream(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5.0))
+    streams.append(WantedStream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1.0))
+    streams.append(WantedStream(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1.0))
+    if settings.autopilot.simulation_truth:
         truth = mavlink.MAVLINK_MSG_ID_SIMSTATE
-        wishes.append(Wish(truth, wanted.autopilot.imu_rate_hz))
-    if wanted.aiding.autopilot_velocity:
-        wishes.append(Wish(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-    lanes = lanes_wanted(autopilot, wanted.autopilot)[1:]
+        streams.append(WantedStream(truth, settings.autopilot.imu_rate_hz))
+    if settings.aiding.autopilot_velocity:
+        streams.append(WantedStream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
+    lanes = lanes_wanted(autopilot, settings.autopilot)[1:]
     optional = [
-        Wish(lane.message_ids[0], wanted.autopilot.imu_rate_hz, is_optional=True) for lane in lanes
+        WantedStream(lane.message_ids[0], settings.autopilot.imu_rate_hz, is_optional=True)
+        for lane in lanes
     ]
     if lanes and {imu_identity.ANYONES_ID, imu_identity.FIRST_ID} <= {first, *others}:
-        known = Wish(imu_identity.FIRST_ID, imu_identity.RATE_HZ, is_optional=True)
+        known = WantedStream(imu_identity.FIRST_ID, imu_identity.RATE_HZ, is_optional=True)
         optional.append(known)
-    optional += comparing.wishes(autopilot, wanted.autopilot.compare_rate_hz)
-    if wanted.aiding.airspeed and identity.is_fixed_wing:
-        optional.append(Wish(mavlink.MAVLINK_MSG_ID_AIRSPEED, 4.0, is_optional=True))
-    optional.append(Wish(mavlink.MAVLINK_MSG_ID_VIBRATION, 2.0, is_optional=True))
-    return (*wishes, *of_motion, *optional)
+    optional += comparing.wanted_streams(autopilot, settings.autopilot.compare_rate_hz)
+    if settings.aiding.airspeed and identity.is_fixed_wing:
+        optional.append(WantedStream(mavlink.MAVLINK_MSG_ID_AIRSPEED, 4.0, is_optional=True))
+    optional.append(WantedStream(mavlink.MAVLINK_MSG_ID_VIBRATION, 2.0, is_optional=True))
+    return (*streams, *of_motion, *optional)

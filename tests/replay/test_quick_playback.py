@@ -14,7 +14,7 @@ from h2nav.apps.playback import (
     SILENCE_NS,
     TICK_NS,
     Playback,
-    Wishes,
+    PlaybackOptions,
     inputs_for,
     pipeline_for,
 )
@@ -89,7 +89,7 @@ def quickly(recording: Recording, pipeline: Pipeline) -> object:
 
 def outcome(path: Path, play, recorder: Recorder | None = None) -> tuple[list[object], object]:
     recording = open_recording(path)
-    inputs = inputs_for(recording, Wishes())._replace(unix_s=UNIX_S)
+    inputs = inputs_for(recording, PlaybackOptions())._replace(unix_s=UNIX_S)
     heard = Everything()
     pipeline = pipeline_for(recording, inputs, recorder, heard, observer=heard)
     counters = play(recording, pipeline)

@@ -10,7 +10,7 @@ from types import FrameType
 
 from h2nav.apps import playback
 from h2nav.apps.pipeline import Pipeline
-from h2nav.apps.playback import Playback, Wishes
+from h2nav.apps.playback import Playback, PlaybackOptions
 from h2nav.attitude.native import backend
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.integrity.findings import Severity
@@ -49,7 +49,7 @@ class Nobody:
 def played(filter_for: FilterFor | None = None) -> tuple[Pipeline, Playback]:
     """A pipeline, and the flight that is to be played through it."""
     recording = open_recording(FLIGHT)
-    inputs = playback.inputs_for(recording, Wishes())
+    inputs = playback.inputs_for(recording, PlaybackOptions())
     pipeline = playback.pipeline_for(recording, inputs, None, Nobody(), filter_for)
     return pipeline, Playback(recording, whole_frames=inputs.whole_frames)
 

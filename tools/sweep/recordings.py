@@ -36,7 +36,7 @@ OF_FIRST = (mavlink.MAVLINK_MSG_ID_RAW_IMU, mavlink.MAVLINK_MSG_ID_SCALED_IMU, H
 OF_OTHERS = {mavlink.MAVLINK_MSG_ID_SCALED_IMU2, mavlink.MAVLINK_MSG_ID_SCALED_IMU3}
 UNIX_NS = 1_795_000_000_000_000_000
 # What a fake autopilot is asked for, Hz.
-WISHED_HZ = {
+REQUESTED_HZ = {
     mavlink.MAVLINK_MSG_ID_RAW_IMU: 100.0,
     mavlink.MAVLINK_MSG_ID_SCALED_IMU2: 100.0,
     mavlink.MAVLINK_MSG_ID_SCALED_IMU3: 100.0,
@@ -61,7 +61,7 @@ def simulated_tlog(path: Path, name: str, imus: int, seconds: float, seed: int) 
     autopilot = FakeAutopilot(AutopilotOptions(scenario(name), ARDUPILOT, seed, imus=imus))
     encoders: dict[tuple[int, int], Encoder] = {}
     autopilot.advance(UNIX_NS)
-    for message_id, rate_hz in WISHED_HZ.items():
+    for message_id, rate_hz in REQUESTED_HZ.items():
         interval_ns = round(1e9 / rate_hz)
         if autopilot.streams.stream(message_id) is not None:
             autopilot.streams.set_interval(UNIX_NS, message_id, interval_ns)

@@ -17,11 +17,11 @@ from h2nav.log.recorder import Recorder
 from h2nav.recordings.recording import open_recording
 
 
-@pytest.mark.parametrize("wish", ["forbid", ""])
+@pytest.mark.parametrize("switch", ["forbid", ""])
 def test_the_log_names_the_kernels_that_ran(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wish: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, switch: str
 ) -> None:
-    monkeypatch.setenv(native.SWITCH, wish)
+    monkeypatch.setenv(native.SWITCH, switch)
     chosen = Configuration()
     factory = FilterFactory.shipped(chosen.filter, 100.0)
     with Recorder(tmp_path, limits(), 0) as recorder:

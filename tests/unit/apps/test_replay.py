@@ -12,7 +12,7 @@ from needs import DEG, REPOSITORY
 from fuzz.file_seeds import plain_mcap
 from h2nav.apps.configuration import FilterSettings
 from h2nav.apps.log_contents import inputs_of
-from h2nav.apps.playback import Wishes, inputs_for
+from h2nav.apps.playback import PlaybackOptions, inputs_for
 from h2nav.cli import main
 from h2nav.maths import quaternion
 from h2nav.recordings.recording import open_recording
@@ -94,7 +94,7 @@ FORMER = b"filter: {name: two_stage, arithmetic: %s, sensor: bmi088, gyro_sampli
 def test_a_log_of_the_former_two_stage_filter_is_played_with_the_default_one(tmp_path, capsys):
     path = tmp_path / "log.mcap"
     path.write_bytes(plain_mcap(FORMER % (b"float", b"instant")))
-    inputs = inputs_for(open_recording(path), Wishes(None, None, None))
+    inputs = inputs_for(open_recording(path), PlaybackOptions(None, None, None))
     assert inputs.configuration.filter == FilterSettings()
     assert not inputs.is_original
     assert capsys.readouterr().err.startswith(f"{path}: recorded with the filter two_stage")

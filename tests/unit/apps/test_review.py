@@ -9,7 +9,7 @@ from replayed import Replayed, rewritten
 
 from h2nav.apps import reviewing
 from h2nav.apps.configuration import Configuration
-from h2nav.apps.playback import Wishes
+from h2nav.apps.playback import PlaybackOptions
 from h2nav.apps.review import SOMETHING_SERIOUS, page_names
 from h2nav.attitude.samples import Trust
 from h2nav.cli import BAD_INPUT, SUCCESS, main
@@ -36,7 +36,9 @@ def test_a_flight_becomes_a_page_and_a_document(flight, tmp_path, capsys):
 
 def test_the_attitude_of_a_review_is_that_of_the_daemon(flight):
     daemon = Replayed(flight, Configuration()).estimates
-    reviewed = reviewing.review(open_flight(flight), Wishes(), smooths=False).flight.estimates
+    reviewed = reviewing.review(
+        open_flight(flight), PlaybackOptions(), smooths=False
+    ).flight.estimates
     assert reviewed is not None
     expected = [(each.q_w, each.q_x, each.q_y, each.q_z) for each in daemon]
     assert list(map(tuple, reviewed.q_nb.tolist())) == expected
@@ -44,7 +46,7 @@ def test_the_attitude_of_a_review_is_that_of_the_daemon(flight):
 
 def test_what_held_the_attitude_is_told_as_the_estimates_say_it(flight):
     daemon = Replayed(flight, Configuration()).estimates
-    held = reviewing.review(open_flight(flight), Wishes(), smooths=False).flight.held
+    held = reviewing.review(open_flight(flight), PlaybackOptions(), smooths=False).flight.held
     used = {
         name: any(each.trust & flag for each in daemon)
         for name, flag in (("velocity", Trust.VELOCITY_USED), ("compass", Trust.FIELD_USED))
@@ -55,8 +57,11 @@ def test_what_held_the_attitude_is_told_as_the_estimates_say_it(flight):
 
 
 def test_the_smoothed_attitude_can_be_left_out(flight):
-    assert reviewing.review(open_flight(flight), Wishes()).flight.smoothed is not None
-    assert reviewing.review(open_flight(flight), Wishes(), smooths=False).flight.smoothed is None
+    assert reviewing.review(open_flight(flight), PlaybackOptions()).flight.smoothed is not None
+    assert (
+        reviewing.review(open_flight(flight), PlaybackOptions(), smooths=False).flight.smoothed
+        is None
+    )
 
 
 def test_what_cannot_be_reviewed_is_named_and_the_others_are(flight, tmp_path, capsys):
@@ -109,7 +114,7 @@ def test_the_status_says_whether_something_serious_was_found(
 
 def test_a_recording_without_an_autopilot_says_why_there_is_no_estimate(tmp_path):
     path = rewritten(tmp_path / "silent.tlog", without=0, first_s=8.0)
-    reviewed = reviewing.review(open_flight(path), Wishes()).flight
+    reviewed = reviewing.review(open_flight(path), PlaybackOptions()).flight
     assert reviewed.estimates is None
     assert "heartbeats" in reviewed.why_no_estimate
 

@@ -77,8 +77,8 @@ def both_ways(
     """The estimates, which compiled and Python must give alike; with something told in between."""
     need_native()
     results, states = [], []
-    for wish in ("require", "forbid"):
-        monkeypatch.setenv(native.SWITCH, wish)
+    for switch in ("require", "forbid"):
+        monkeypatch.setenv(native.SWITCH, switch)
         attitude_filter = make()
         if halves is None:
             parts = [batch.filter_array(*recording, attitude_filter)]

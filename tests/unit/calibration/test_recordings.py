@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from h2nav.apps.playback import Wishes
+from h2nav.apps.playback import PlaybackOptions
 from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.vehicle import calibrate
 from h2nav.recordings.opening import open_flight
@@ -24,7 +24,7 @@ WITHIN_MG = 2.5
 
 def evidence(name: str, parameters: dict[str, float]):
     path: Path = shared_data(f"flights/{name}.tlog")
-    return evidence_of(open_flight(path), Wishes(), parameters)
+    return evidence_of(open_flight(path), PlaybackOptions(), parameters)
 
 
 # SIM_MAG1_OFS, and the rotation that was simulated.

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.parameter_files import parameters_of
-from h2nav.apps.playback import Wishes
+from h2nav.apps.playback import PlaybackOptions
 from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.files import ParameterFormat, written
 from h2nav.calibration.imu import OWN_SHARE
@@ -69,7 +69,7 @@ def flown(path: Path, options: AutopilotOptions) -> Flown:
 
 
 def calibrated(path: Path):
-    return calibrate([evidence_of(open_flight(path), Wishes(), {})])
+    return calibrate([evidence_of(open_flight(path), PlaybackOptions(), {})])
 
 
 def wrongs() -> list[Miscalibration]:
@@ -153,7 +153,7 @@ def test_two_flights_of_a_vehicle_show_more_than_one(tmp_path):
     flights = []
     for seed in (5, 6):
         path = flown(tmp_path / f"{seed}.tlog", replace(options, seed=seed)).path
-        flights.append(evidence_of(open_flight(path), Wishes(), {}))
+        flights.append(evidence_of(open_flight(path), PlaybackOptions(), {}))
     alone = [_offset(calibrate([one])) for one in flights]
     together = _offset(calibrate(flights))
     for place, true in enumerate(wrong.accelerometer_offset_m_s2[:2]):

@@ -20,7 +20,7 @@ from made_logs import (
 )
 from needs import DEG, shared_data
 
-from h2nav.apps.playback import Playback, Wishes, inputs_for, pipeline_for
+from h2nav.apps.playback import Playback, PlaybackOptions, inputs_for, pipeline_for
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.maths import quaternion
 from h2nav.recordings.autopilot_log import AutopilotLog
@@ -430,7 +430,7 @@ class Listener:
 
 def played(log: AutopilotLog) -> tuple[Listener, Any]:
     listener = Listener()
-    pipeline = pipeline_for(log, inputs_for(log, Wishes()), None, listener)
+    pipeline = pipeline_for(log, inputs_for(log, PlaybackOptions()), None, listener)
     for _ in Playback(log, whole_frames=False).through(pipeline):
         pass
     return listener, pipeline.service

@@ -7,8 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths.units import SECOND_NS
+from h2nav.service.requested_stream import WantedStream
 from h2nav.service.stream_requests import MAX_PER_MINUTE, StreamRequests
-from h2nav.service.wished_stream import Wish
 
 RAW = mavlink.MAVLINK_MSG_ID_RAW_IMU
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
@@ -27,11 +27,11 @@ DENIED, FAILED, OK = (
 STEP_NS = 10_000_000
 TARGET = (1, 1)
 USUAL = (
-    Wish(HIGHRES, 100.0, (RAW,)),
-    Wish(GPS, 5.0),
-    Wish(LANDED, 1.0),
-    Wish(CLOCK, 1.0),
-    Wish(SPEED, 4.0),
+    WantedStream(HIGHRES, 100.0, (RAW,)),
+    WantedStream(GPS, 5.0),
+    WantedStream(LANDED, 1.0),
+    WantedStream(CLOCK, 1.0),
+    WantedStream(SPEED, 4.0),
 )
 
 
@@ -39,7 +39,7 @@ class Talk:
     """Both ends of the conversation on one clock, with a link of limited capacity.
 
     Args:
-        wishes: of our end.
+        wanted: of our end.
         make: MAV_AUTOPILOT.
         most_hz: what the autopilot grants at most.
         unknown: message ids that it does not have.
@@ -51,7 +51,7 @@ class Talk:
 
     def __init__(
         self,
-        wishes=USUAL,
+        wanted=USUAL,
         make=ARDUPILOT,
         *,
         most_hz=400.0,
@@ -61,7 +61,7 @@ class Talk:
         most_messages_s=1e9,
         jitter_s=0.0,
     ):
-        self.requests = StreamRequests(wishes, make)
+        self.requests = StreamRequests(wanted, make)
         self.make, self.most_hz, self.unknown, self.carries = make, most_hz, unknown, carries
         self.mute, self.off, self.tells = False, False, True
         self.hz = dict(sends)
@@ -167,7 +167,7 @@ def test_only_what_is_missing_is_asked_for():
 
 
 def test_a_stream_that_ran_faster_and_stopped_is_asked_back_at_its_old_rate():
-    talk = Talk((Wish(GPS, 5.0),), PX4, sends={GPS: 10.0}).run(30.0)
+    talk = Talk((WantedStream(GPS, 5.0),), PX4, sends={GPS: 10.0}).run(30.0)
     talk.hz.clear()
     talk.run(50.0)
     assert len(talk.asked) == 1
@@ -197,8 +197,8 @@ def test_a_refused_rate_is_lowered_and_its_limit_named_once(most_hz, settled_hz)
 
 
 def test_what_limits_one_message_is_not_asked_of_the_next():
-    wishes = (Wish(HIGHRES, 100.0), Wish(RAW, 100.0))
-    talk = Talk(wishes, most_hz=40.0).run(60.0)
+    wanted = (WantedStream(HIGHRES, 100.0), WantedStream(RAW, 100.0))
+    talk = Talk(wanted, most_hz=40.0).run(60.0)
     assert [round(1e6 / m.param2) for _, m in talk.asked] == [100, 80, 40, 40]
     assert len(talk.notices) == 1
 
@@ -217,7 +217,7 @@ def test_an_unknown_message_is_followed_by_its_alternative(make, tells):
 
 
 def test_an_autopilot_that_refuses_all_is_left_alone():
-    talk = Talk((Wish(HIGHRES, 100.0, (RAW,)),), unknown=(HIGHRES, RAW)).run(500.0)
+    talk = Talk((WantedStream(HIGHRES, 100.0, (RAW,)),), unknown=(HIGHRES, RAW)).run(500.0)
     assert talk.ids_asked() == [HIGHRES, RAW]
     assert talk.requests.is_refused(HIGHRES)
     assert talk.requests.is_refused(RAW)
@@ -225,7 +225,7 @@ def test_an_autopilot_that_refuses_all_is_left_alone():
 
 
 def test_a_message_that_is_granted_and_never_sent_is_followed_by_its_alternative():
-    talk = Talk((Wish(HIGHRES, 100.0, (RAW,)), Wish(GPS, 5.0)))
+    talk = Talk((WantedStream(HIGHRES, 100.0, (RAW,)), WantedStream(GPS, 5.0)))
     granted = talk.requests.acknowledged
 
     def grants_in_vain(t_ns, result):
@@ -242,7 +242,7 @@ def test_a_message_that_is_granted_and_never_sent_is_followed_by_its_alternative
 
 
 def test_a_link_that_cannot_carry_a_rate_is_asked_for_less_of_it():
-    talk = Talk((Wish(RAW, 100.0),), most_messages_s=60.0).run(60.0)
+    talk = Talk((WantedStream(RAW, 100.0),), most_messages_s=60.0).run(60.0)
     rates = [round(1e6 / m.param2) for _, m in talk.asked]
     assert rates[:2] == [100, 100]
     assert len(rates) == 3
@@ -252,7 +252,7 @@ def test_a_link_that_cannot_carry_a_rate_is_asked_for_less_of_it():
 
 
 def test_the_second_request_for_less_is_for_half():
-    talk = Talk((Wish(RAW, 100.0),), most_messages_s=60.0)
+    talk = Talk((WantedStream(RAW, 100.0),), most_messages_s=60.0)
     while len(talk.asked) < 3:
         talk.run(talk.t_s + 0.1)
     talk._most_messages_s = 26.0
@@ -262,12 +262,12 @@ def test_the_second_request_for_less_is_for_half():
 
 
 def test_a_rate_that_others_had_is_not_undercut():
-    talk = Talk((Wish(RAW, 100.0),), carries=0.6, sends={RAW: 90.0}).run(60.0)
+    talk = Talk((WantedStream(RAW, 100.0),), carries=0.6, sends={RAW: 90.0}).run(60.0)
     assert min(1e6 / m.param2 for _, m in talk.asked) > 0.6 * 90.0 * 0.9
 
 
 def test_a_rate_taken_away_is_asked_back_at_once_and_then_more_and_more_rarely():
-    talk = Talk((Wish(RAW, 100.0),)).run(10.0)
+    talk = Talk((WantedStream(RAW, 100.0),)).run(10.0)
     for second in range(10, 400):
         talk.hz[RAW] = 4.0
         talk.run(second + 1.0)
@@ -281,7 +281,7 @@ def test_a_rate_taken_away_is_asked_back_at_once_and_then_more_and_more_rarely()
 
 
 def test_a_stream_that_was_steady_is_asked_back_at_once_however_often():
-    talk = Talk((Wish(RAW, 100.0),)).run(5.0)
+    talk = Talk((WantedStream(RAW, 100.0),)).run(5.0)
     for minutes in range(1, 6):
         talk.run(100.0 * minutes)
         talk.hz[RAW] = 4.0
@@ -350,7 +350,7 @@ def test_a_refusal_is_told_once_however_often_the_autopilot_reboots():
 
 
 def test_without_any_answer_the_old_request_is_tried_and_nobody_is_accused():
-    talk = Talk((Wish(RAW, 100.0), Wish(GPS, 5.0)))
+    talk = Talk((WantedStream(RAW, 100.0), WantedStream(GPS, 5.0)))
     talk.mute = True
     talk.run(120.0)
     types = [message.get_type() for _, message in talk.asked]
@@ -360,7 +360,7 @@ def test_without_any_answer_the_old_request_is_tried_and_nobody_is_accused():
 
 
 def test_an_autopilot_that_does_not_know_the_command_gets_the_old_request():
-    requests = StreamRequests((Wish(RAW, 100.0),), ARDUPILOT)
+    requests = StreamRequests((WantedStream(RAW, 100.0),), ARDUPILOT)
     types = []
     for i in range(20):
         t_ns = i * SECOND_NS // 10
@@ -374,7 +374,7 @@ def test_an_autopilot_that_does_not_know_the_command_gets_the_old_request():
 
 
 def test_a_lost_request_is_repeated_after_a_second():
-    talk = Talk((Wish(RAW, 100.0),))
+    talk = Talk((WantedStream(RAW, 100.0),))
     talk.mute = True
     talk.run(1.0)
     talk.mute = False
@@ -415,7 +415,7 @@ def test_the_budget_holds_whatever_the_autopilot_does(seed):
 
 
 def test_where_nothing_is_asked_the_best_rate_held_is_what_may_be_expected():
-    requests = StreamRequests((Wish(RAW, 100.0),), ARDUPILOT, asks=False)
+    requests = StreamRequests((WantedStream(RAW, 100.0),), ARDUPILOT, asks=False)
     for i in range(3000):
         if i % (2 if i < 2000 else 25) == 0:
             requests.arrived(RAW)
@@ -427,8 +427,8 @@ def test_where_nothing_is_asked_the_best_rate_held_is_what_may_be_expected():
     assert requests.notices() == []
 
 
-def test_every_message_is_measured_whether_wished_or_not():
-    requests = StreamRequests((Wish(HIGHRES, 100.0),), ARDUPILOT)
+def test_every_message_is_measured_whether_wanted_or_not():
+    requests = StreamRequests((WantedStream(HIGHRES, 100.0),), ARDUPILOT)
     for i in range(300):
         if i % 10 == 0:
             requests.arrived(RAW)
@@ -440,7 +440,7 @@ def test_every_message_is_measured_whether_wished_or_not():
 
 # --- what is optional -----------------------------------------------------------------------------
 
-WITH_SECOND_IMU = (*USUAL, Wish(SECOND_IMU, 100.0, is_optional=True))
+WITH_SECOND_IMU = (*USUAL, WantedStream(SECOND_IMU, 100.0, is_optional=True))
 
 
 def test_an_optional_stream_is_asked_for_after_the_first_one_has_come():

@@ -34,7 +34,7 @@ MIN_CUT_SHARE = 0.2
 MIN_OPTIONAL_SHARE = 0.5
 
 
-class Wish(NamedTuple):
+class WantedStream(NamedTuple):
     """A wanted stream."""
 
     message_id: int  # of the message
@@ -69,17 +69,17 @@ class Trouble(Enum):
     REFUSED = "refused at any rate"
 
 
-class WishedStream:
-    """The state of one wish."""
+class RequestedStream:
+    """The state of one wanted stream."""
 
-    def __init__(self, wish: Wish) -> None:
-        self.wish = wish
-        self.candidates = (wish.message_id, *wish.alternatives)
-        self._settled = (0, wish.rate_hz)
+    def __init__(self, wanted: WantedStream) -> None:
+        self.wanted = wanted
+        self.candidates = (wanted.message_id, *wanted.alternatives)
+        self._settled = (0, wanted.rate_hz)
         self.phase = StreamPhase.LISTENING
         self.since_ns: int | None = None
         self.due_ns = 0
-        self.rate_hz = wish.rate_hz
+        self.rate_hz = wanted.rate_hz
         self._pause_ns = FIRST_PAUSE_NS
         self._index = 0
         # Rates before any request, and when a granted rate was missed.
@@ -110,7 +110,7 @@ class WishedStream:
         return self._measured_hz
 
     def review(self, t_ns: int, meter: RateMeter) -> Trouble | None:
-        """Compares the wish with the arrivals; called after each snapshot of the meter."""
+        """Compares what is wanted with the arrivals; called after each snapshot of the meter."""
         if self.since_ns is None:
             self.since_ns = t_ns
         if self.phase is StreamPhase.LISTENING:
@@ -146,7 +146,7 @@ class WishedStream:
 
     def is_enough(self, first_hz: float) -> bool:
         """Whether the rate justifies an optional stream beside a first one of `first_hz`."""
-        return self.rate_hz >= MIN_OPTIONAL_SHARE * min(first_hz, self.wish.rate_hz)
+        return self.rate_hz >= MIN_OPTIONAL_SHARE * min(first_hz, self.wanted.rate_hz)
 
     @property
     def is_to_be_left(self) -> bool:
@@ -195,9 +195,9 @@ class WishedStream:
         Args:
             is_unknown: because of the message, not of its rate.
         """
-        if self.rate_hz > self.wish.rate_hz:
-            # A stream that once came by itself is refused today: the wished rate will do.
-            self.rate_hz, self._found_hz = self.wish.rate_hz, 0.0
+        if self.rate_hz > self.wanted.rate_hz:
+            # A stream that once came by itself is refused today: the wanted rate will do.
+            self.rate_hz, self._found_hz = self.wanted.rate_hz, 0.0
             self._want(t_ns, t_ns)
             return None
         lower_hz = None if is_unknown else self._lower_hz()
@@ -211,7 +211,7 @@ class WishedStream:
             return None
         if self._take_next_candidate(t_ns):
             return None
-        self.rate_hz = self.wish.rate_hz
+        self.rate_hz = self.wanted.rate_hz
         self.phase, self.since_ns = StreamPhase.REFUSED, t_ns
         return Trouble.REFUSED
 
@@ -220,10 +220,10 @@ class WishedStream:
     def _listen(self, t_ns: int, meter: RateMeter) -> None:
         """Checks whether it comes by itself, as wanted or as negotiated before."""
         assert self.since_ns is not None
-        look_ns = max(SHORTEST_LOOK_NS, round(MESSAGES_TO_FIND / self.wish.rate_hz * SECOND_NS))
+        look_ns = max(SHORTEST_LOOK_NS, round(MESSAGES_TO_FIND / self.wanted.rate_hz * SECOND_NS))
         if t_ns - self.since_ns < min(look_ns, LONGEST_SPAN_NS):
             return
-        for index, rate_hz in ((0, self.wish.rate_hz), self._settled):
+        for index, rate_hz in ((0, self.wanted.rate_hz), self._settled):
             found = meter.since(self.candidates[index], self.since_ns)
             if found.reach(rate_hz):
                 self._index = index
@@ -278,7 +278,7 @@ class WishedStream:
 
     def _lower_hz(self) -> float | None:
         """The next rate to try after a refusal; None if a lower one would be useless."""
-        lower_hz = LOWER_SHARE * self.wish.rate_hz
+        lower_hz = LOWER_SHARE * self.wanted.rate_hz
         while lower_hz >= self.rate_hz:
             lower_hz *= 0.5
         return lower_hz if lower_hz >= MIN_LOWERED_HZ else None
@@ -286,7 +286,7 @@ class WishedStream:
     def _cut(self, t_ns: int, achieved_hz: float) -> bool:
         """Requests less than the measured rate; returns False if that would be too little."""
         lower_hz = LOWER_SHARE * achieved_hz if self._cuts == 0 else 0.5 * self.rate_hz
-        least_hz = max(MIN_CUT_HZ, MIN_CUT_SHARE * self.wish.rate_hz)
+        least_hz = max(MIN_CUT_HZ, MIN_CUT_SHARE * self.wanted.rate_hz)
         if self._cuts == CUTS or lower_hz < least_hz or lower_hz <= self._found_hz:
             return False
         self._cuts += 1
@@ -298,7 +298,7 @@ class WishedStream:
 
     def _take_candidate(self, index: int) -> None:
         self._index = index
-        self.rate_hz = self.wish.rate_hz
+        self.rate_hz = self.wanted.rate_hz
         self._found_hz = 0.0
         self._measured_hz = 0.0
         self._cuts = self._misses = 0
