@@ -4,7 +4,7 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.maths.quaternion import turned
 
 
-def led(estimate: AttitudeEstimate, lead_s: float) -> AttitudeEstimate:
+def extrapolated(estimate: AttitudeEstimate, lead_s: float) -> AttitudeEstimate:
     """The estimate with the attitude `lead_s` later, at constant rate; its time is unchanged.
 
     Args:

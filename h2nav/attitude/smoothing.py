@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from h2nav.attitude.filter import AttitudeFilter, pass_on
-from h2nav.attitude.lead import led
+from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -240,7 +240,7 @@ def smoothed(
             done = 0
             try:
                 learnt = _learnt_from(first, piece, learnt)
-                for estimate in _led(_smooth_piece(piece, make, learnt), piece.delays):
+                for estimate in _extrapolated(_smooth_piece(piece, make, learnt), piece.delays):
                     done += 1
                     yield estimate
             except _FAILURES:
@@ -305,12 +305,12 @@ def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
     )
 
 
-def _led(
+def _extrapolated(
     estimates: Iterable[AttitudeEstimate | None], delays: list[SensorDelays | None]
 ) -> Iterator[AttitudeEstimate | None]:
     """The attitudes at their nominal times. Source: docs/filter.md Eq. (42)."""
     for estimate, late in zip(estimates, delays, strict=True):
-        yield estimate if estimate is None or late is None else led(estimate, late.gyro_s)
+        yield estimate if estimate is None or late is None else extrapolated(estimate, late.gyro_s)
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:

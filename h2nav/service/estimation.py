@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.attitude.lead import led
+from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -52,7 +52,7 @@ class SentSample(NamedTuple):
         sample: the sample that was used; None if the reading was rejected, only lent its field, or
             went to a lane that is not sent.
         estimate: at the time of the sample.
-        unled: the filter's output: at the time at which the sample's values were true.
+        filtered: the filter's output: at the time at which the sample's values were true.
         event: REBOOT or NEW_EPOCH if the sample began a new epoch.
         switched: reports that another IMU is sent from this sample on, and why.
         is_accused: the reading has shown that a sensor of any lane is faulty.
@@ -60,7 +60,7 @@ class SentSample(NamedTuple):
 
     sample: ImuSample | None = None
     estimate: AttitudeEstimate | None = None
-    unled: AttitudeEstimate | None = None
+    filtered: AttitudeEstimate | None = None
     event: TimeVerdict | None = None
     switched: str = ""
     is_accused: bool = False
@@ -377,7 +377,7 @@ class Estimation:
 
     def _sendable(self, t_ns: int, step: Step, switched: str) -> SentSample:
         """What is sent of a step of the lane that is sent; its times only increase."""
-        (sample, unled, of_step, _), lane = step, self._sent
+        (sample, filtered, of_step, _), lane = step, self._sent
         assert sample is not None
         assert lane is not None
         event = lane.pop_event()
@@ -390,10 +390,10 @@ class Estimation:
         if self._newest is not None and sample.t_us <= self._newest[0]:
             return SentSample(switched=switched)
         self._newest = sample.t_us, t_ns
-        self._has_sent |= unled is not None
+        self._has_sent |= filtered is not None
         self.used += 1
-        estimate = None if unled is None else lane.lead(unled)
-        return SentSample(sample, estimate, unled, event, switched)
+        estimate = None if filtered is None else lane.lead(filtered)
+        return SentSample(sample, estimate, filtered, event, switched)
 
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; returns the text of a switch."""
@@ -552,5 +552,5 @@ def _apart(lane: Lane, sent: Lane) -> tuple[float, float]:
     one, other = lane.estimate, sent.estimate
     if one is None or other is None:
         return math.nan, math.nan
-    q = led(one, (other.t_us - one.t_us) * 1e-6).q_nb
+    q = extrapolated(one, (other.t_us - one.t_us) * 1e-6).q_nb
     return tilt_and_heading(multiply(q, conjugate(other.q_nb)))

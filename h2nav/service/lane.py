@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.lead import led
+from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -62,7 +62,7 @@ class Step(NamedTuple):
     # the sample that was used; None if the reading was rejected or only lent its field
     sample: ImuSample | None = None
     # the filter's output: at the time at which the sample's values were true
-    unled: AttitudeEstimate | None = None
+    filtered: AttitudeEstimate | None = None
     event: TimeVerdict | None = None  # REBOOT or NEW_EPOCH if the sample began a new epoch
     is_accused: bool = False  # the reading has shown that a sensor is faulty
 
@@ -126,7 +126,7 @@ class Lane:
         self._was_used = False
         self._resumed_ns = 0
         self.newest: ImuSample | None = None  # the newest sample, unchanged
-        self._unled: AttitudeEstimate | None = None
+        self._filtered: AttitudeEstimate | None = None
         self.rate_hz = 0.0  # of the samples
         self._event: TimeVerdict | None = None
         self.compass_is_wrong = False  # its field shows a wrong north, and is not used
@@ -152,16 +152,16 @@ class Lane:
     @property
     def has_estimate(self) -> bool:
         """Whether there is an attitude."""
-        return self._unled is not None
+        return self._filtered is not None
 
     @property
     def estimate(self) -> AttitudeEstimate | None:
         """The newest estimate, at the time of its sample."""
-        return None if self._unled is None else self.lead(self._unled)
+        return None if self._filtered is None else self.lead(self._filtered)
 
-    def lead(self, unled: AttitudeEstimate) -> AttitudeEstimate:
+    def lead(self, filtered: AttitudeEstimate) -> AttitudeEstimate:
         """Propagates an estimate of the filter to the time of its sample."""
-        return led(unled, self.timing.delays.gyro_s)
+        return extrapolated(filtered, self.timing.delays.gyro_s)
 
     @property
     def monitor(self) -> Monitor:
@@ -335,15 +335,15 @@ class Lane:
             self._monitor.use_delays(self.timing.delays)
         bias = self._bias
         try:
-            unled = (
+            filtered = (
                 bias.update(self._filter, usable) if bias.differs else self._filter.update(usable)
             )
         except ArithmeticError:
             # A filter must not raise; if it does, the vehicle still needs the next attitude.
             self._restart("filter_error")
             return Step(usable, event=event, is_accused=is_accused)
-        self._unled = unled if unled is None else self._checked(usable, unled)
-        return tuple.__new__(Step, (usable, self._unled, event, is_accused))
+        self._filtered = filtered if filtered is None else self._checked(usable, filtered)
+        return tuple.__new__(Step, (usable, self._filtered, event, is_accused))
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a rejected reading."""
@@ -357,7 +357,7 @@ class Lane:
     def rest(self, t_ns: int) -> None:
         """Stops using this stream as a lane for a while."""
         self._trust.rest(t_ns)
-        self.last_used_ns = self.newest = self._unled = None
+        self.last_used_ns = self.newest = self._filtered = None
 
     def resume(self, t_ns: int) -> None:
         """Notes that readings arrive again after none for any lane."""
@@ -424,10 +424,10 @@ class Lane:
             self._counted_ns, self._counted = t_ns, 0
         is_bad = self._monitor.sensor_is_bad or bool(self._verdict.wrong)
         self._trust.judge(t_ns, sensor_is_bad=is_bad)
-        if is_bad or self._unled is None or self.needs_restart:
+        if is_bad or self._filtered is None or self.needs_restart:
             return
         if self.ratio < CALM_RATIO:
-            self._bias.learn(t_ns, self._unled.bias_b)
+            self._bias.learn(t_ns, self._filtered.bias_b)
 
     def may_begin_anew(self, t_ns: int) -> bool:
         """Whether the filter needs a restart, and its sensors have been good again for a while."""
@@ -440,17 +440,17 @@ class Lane:
         """
         self._trust.renew()
         self._monitor.restart()
-        if other is None or other._unled is None:
+        if other is None or other._filtered is None:
             self._filter.restart()
             return
         self._filter.restore(other._filter.state())
         self._filter.use_delays(self.timing.delays)
-        self._bias.take_over(other._bias, other._unled.bias_b)
+        self._bias.take_over(other._bias, other._filtered.bias_b)
 
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
-        self.newest = self._unled = None
+        self.newest = self._filtered = None
         self._monitor, self._told_verdict = self._monitor.anew(), None
         self.timing.restart()
         self._trust.renew()
@@ -483,20 +483,20 @@ class Lane:
             return sample, False
         return _usable(sample, use, is_at_end=is_at_end, has_field=has_field), is_accused
 
-    def _checked(self, sample: ImuSample, unled: AttitudeEstimate) -> AttitudeEstimate | None:
+    def _checked(self, sample: ImuSample, filtered: AttitudeEstimate) -> AttitudeEstimate | None:
         """An estimate that the monitor has seen, with the deviations that all have opened."""
         # Attitude and rates are bounded, so a finite sum means that all of them are finite.
-        (w, x, y, z), (p, q, r) = unled.q_nb, unled.w_b
+        (w, x, y, z), (p, q, r) = filtered.q_nb, filtered.w_b
         if not math.isfinite(w + x + y + z + p + q + r):
             self._restart("non_finite_estimate")
             return None
-        unled = self._monitor.add(sample, unled)
+        filtered = self._monitor.add(sample, filtered)
         of_sensors_rad, doubt_rad = self._verdict.open_rad, self._doubt_rad
         if of_sensors_rad == 0.0 and doubt_rad == 0.0:
-            return unled
-        return unled._replace(
-            sigma_tilt_rad=math.hypot(unled.sigma_tilt_rad, of_sensors_rad),
-            sigma_heading_rad=math.hypot(unled.sigma_heading_rad, doubt_rad, of_sensors_rad),
+            return filtered
+        return filtered._replace(
+            sigma_tilt_rad=math.hypot(filtered.sigma_tilt_rad, of_sensors_rad),
+            sigma_heading_rad=math.hypot(filtered.sigma_heading_rad, doubt_rad, of_sensors_rad),
         )
 
 

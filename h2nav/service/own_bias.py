@@ -40,8 +40,8 @@ class OwnBias:
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
         """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""
         (x, y, z), (a, b, c) = sample.w_b, self._offset
-        unled = chosen.update(sample._replace(w_b=(x - a, y - b, z - c)))
-        if unled is None:
+        filtered = chosen.update(sample._replace(w_b=(x - a, y - b, z - c)))
+        if filtered is None:
             return None
-        u, v, w = unled.bias_b
-        return unled._replace(bias_b=(u + a, v + b, w + c))
+        u, v, w = filtered.bias_b
+        return filtered._replace(bias_b=(u + a, v + b, w + c))

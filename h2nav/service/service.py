@@ -480,7 +480,7 @@ class Service:
                 effects.append(self._send(message))
         # Rates and forces are late, and computations with them need the attitude of their time.
         if self.motion.is_estimated:
-            effects += self.motion.on_sample(t_ns, sample, sent.unled)
+            effects += self.motion.on_sample(t_ns, sample, sent.filtered)
         effects.append(tuple.__new__(Used, (sample, estimate, lateness.late_ns)))
         effects += self._comparing.on_sample(sample, estimate)
         if not self._units.is_over:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from h2nav.attitude import alignment, batch, native
 from h2nav.attitude.filter import AttitudeFilter, pass_on
 from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
-from h2nav.attitude.lead import led
+from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
@@ -187,7 +187,7 @@ def _run_samples(
                 late_s = following.what.gyro_s
             following = next(coming, None)
         estimate = chosen.update(sample)
-        estimates.append(None if estimate is None else led(estimate, late_s))
+        estimates.append(None if estimate is None else extrapolated(estimate, late_s))
         if isinstance(chosen, VelocityAidedFilter | IntegerVelocityAidedFilter):
             sets.append(chosen.gain_set)
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)

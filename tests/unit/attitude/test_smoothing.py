@@ -11,7 +11,7 @@ from synthetic_imu import FIELD, FIELD_N, GRAVITY, Disturbance, Flight, brisk, f
 
 from h2nav.attitude import smoothing
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
-from h2nav.attitude.lead import led
+from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -236,7 +236,9 @@ def test_smoothed_attitudes_are_led_once() -> None:
     told = (*TOLD, (0, SensorDelays(0.02, 0.02)), (1000, SensorDelays(0.05, 0.05)))
     found = smooth([Given(flight.samples, told)], make)[0]
     lateness = [0.02] * 1000 + [0.05] * 1000
-    assert found == [led(each, late_s) for each, late_s in zip(plain, lateness, strict=True)]
+    assert found == [
+        extrapolated(each, late_s) for each, late_s in zip(plain, lateness, strict=True)
+    ]
 
 
 def test_accelerometer_bias_and_late_fixes_are_undone() -> None:

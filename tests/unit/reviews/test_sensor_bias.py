@@ -51,8 +51,8 @@ def test_a_step_on_the_ground_is_told_though_the_attitude_follows_the_gyro(axis)
     # An attitude that turns with the gyro, as that of a filter that believes it.
     turned = np.zeros((len(first.t_s), 3))
     turned[:, axis] = 1.2 * DEG * np.maximum(first.t_s - 64.0, 0.0)
-    led = flown.estimates._replace(q_nb=product(flown.estimates.q_nb, exponential(turned)))
-    found = analyse(with_imu(flown._replace(estimates=led), w_b=w_b)).findings
+    biased = flown.estimates._replace(q_nb=product(flown.estimates.q_nb, exponential(turned)))
+    found = analyse(with_imu(flown._replace(estimates=biased), w_b=w_b)).findings
     (finding,) = [f for f in found if f.kind == "gyro_bias_step"]
     assert finding.size == pytest.approx(1.2, abs=0.15)
     assert finding.from_s - 10.0 < 64.0 < finding.to_s + 10.0

@@ -302,8 +302,8 @@ def test_a_filter_is_told_how_late_its_samples_are_once_their_period_is_known():
     gyro_s, field_s = told[0].what
     assert gyro_s == pytest.approx(0.01125 - 0.005, abs=1e-4)
     assert field_s == pytest.approx(0.05)
-    unled, estimate = flight.outcomes[-1].unled, flight.outcomes[-1].estimate
-    assert estimate.q_nb != unled.q_nb, "the attitude is led to the time of its sample"
+    filtered, estimate = flight.outcomes[-1].filtered, flight.outcomes[-1].estimate
+    assert estimate.q_nb != filtered.q_nb, "the attitude is extrapolated to the time of its sample"
 
 
 def compasses_differ(flight):
