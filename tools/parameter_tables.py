@@ -1,7 +1,8 @@
-"""Writes what follows from the filter's parameters: the table of docs/filter.md and a schema.
+"""Writes what follows from the filter's parameters: a table in docs/filter.md, a schema, a module.
 
-`python tools/parameter_tables.py` writes both from `attitude/velocity_aided/parameters.py` and the
-class models; a test holds them to it.
+`python tools/parameter_tables.py` writes them from `attitude/velocity_aided/parameters.py` and the
+class models; a test holds them to it. The module tells type checkers the fields of the kernels'
+gains, so that a misspelt one is an error before anything runs.
 """
 
 import json
@@ -9,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
+from h2nav.attitude.record import Row
 from h2nav.attitude.velocity_aided.gains import CRUISE_SPEED, LIMITS
-from h2nav.attitude.velocity_aided.parameters import PARAMETERS
+from h2nav.attitude.velocity_aided.parameters import PARAMETERS, float_rows, integer_rows
 from h2nav.files.plain_yaml import read_mapping
 
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "gains" / "models"
 PAGE = ROOT / "docs" / "filter.md"
 SCHEMA = MODELS / "schema.json"
+FIELDS = ROOT / "h2nav" / "attitude" / "velocity_aided" / "parameter_fields.py"
 BEGIN = (
     "<!-- parameters: written by tools/parameter_tables.py -->\n<!-- table: no measurement -->\n"
 )
@@ -83,6 +86,22 @@ def schema() -> str:
     return json.dumps(document, indent=2) + "\n"
 
 
+def fields_module() -> str:
+    """The module with the fields that `parameters.in_floats` and `in_integers` add to a record."""
+    return (
+        '"""The fields that the parameters add to the kernels\' gains, for type checkers.\n\n'
+        "Written by tools/parameter_tables.py from parameters.py.\n"
+        '"""\n'
+        + _fields_class("FloatParameters", "float", float_rows())
+        + _fields_class("IntegerParameters", "int", integer_rows())
+    )
+
+
+def _fields_class(name: str, type_name: str, rows: list[Row]) -> str:
+    fields = "".join(f"    {row.name}: {type_name}\n" for row in rows)
+    return f'\n\nclass {name}:\n    """Of the gains in {type_name}s."""\n\n{fields}'
+
+
 def _section(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
     return {
         "type": "object",
@@ -95,3 +114,4 @@ def _section(properties: dict[str, Any], required: list[str]) -> dict[str, Any]:
 if __name__ == "__main__":
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
     SCHEMA.write_text(schema(), encoding="utf-8")
+    FIELDS.write_text(fields_module(), encoding="utf-8")

@@ -25,6 +25,7 @@ INTRINSIC_MODULES = (
     "h2nav.attitude.record",
     "h2nav.attitude.velocity_aided.integer.shared",
     "h2nav.attitude.velocity_aided.integer.shared_fields",
+    "h2nav.attitude.velocity_aided.parameter_fields",
     "h2nav.attitude.velocity_aided.parameters",
     "h2nav.maths.fixedpoint",
 )

@@ -2,8 +2,11 @@
 
 import importlib.util
 import json
+import re
 import shutil
 import subprocess
+import sys
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -28,11 +31,32 @@ def test_the_page_of_the_memory_is_that_of_the_records() -> None:
     assert tool.PAGE.read_text(encoding="utf-8") == tool.page(), "run python tools/memory_tables.py"
 
 
-def test_table_and_schema_of_the_parameters_are_those_of_their_rows() -> None:
+def test_what_follows_from_the_parameters_is_that_of_their_rows() -> None:
     tool = tool_of("parameter_tables")
     text = tool.PAGE.read_text(encoding="utf-8")
     assert text == tool.page(text), "run python tools/parameter_tables.py"
     assert tool.SCHEMA.read_text(encoding="utf-8") == tool.schema()
+    assert tool.FIELDS.read_text(encoding="utf-8") == tool.fields_module()
+
+
+def test_a_misspelt_gain_is_an_error_to_the_type_checker(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    lines = (
+        "from h2nav.attitude.velocity_aided import memory as floats",
+        "from h2nav.attitude.velocity_aided.integer import memory as integers",
+        "def read(f: floats.Gains, i: integers.Gains) -> tuple[float, int]:",
+        "    return f.rest_gyro, i.mag_new_turn",
+        "def misread(f: floats.Gains, i: integers.Gains) -> tuple[float, int]:",
+        "    return f.rest_gyor, i.mag_new_trun",
+    )
+    snippet = tmp_path / "snippet.py"
+    snippet.write_text("\n".join(lines), encoding="utf-8")
+    options = ("--config-file=", f"--cache-dir={tmp_path}", "--follow-imports=silent")
+    asked = (sys.executable, "-m", "mypy", *options, snippet)
+    checked = subprocess.run(asked, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    errors = re.findall(r"py:(\d+): error: .* (\S+)  \[attr-defined\]", checked.stdout)
+    assert errors == [("6", '"rest_gyor"'), ("6", '"mag_new_trun"')], checked.stdout
+    assert "Found 2 errors" in checked.stdout
 
 
 @pytest.mark.parametrize("name", VEHICLE_CLASSES)

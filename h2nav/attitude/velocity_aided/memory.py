@@ -10,9 +10,9 @@ Equations: docs/filter.md.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from h2nav.attitude.record import real, reals
+from h2nav.attitude.velocity_aided.parameter_fields import FloatParameters
 from h2nav.attitude.velocity_aided.parameters import in_floats
 
 from .integer.units import ACCEL_UNIT_G, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD
@@ -251,13 +251,8 @@ class Sample:
 
 @in_floats
 @dataclass(slots=True)
-class Gains:
+class Gains(FloatParameters):
     """Gains and limits of a gain file: its parameters (`parameters.py`) and its tables."""
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> float:
-            """A parameter."""
 
     gravity: float = real("m/s^2", "size of gravity")
     set_bounds: list[float] = reals(SETS - 1, "1/s^4", "omega0^4 up to which a gain set is taken")

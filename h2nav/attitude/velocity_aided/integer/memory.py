@@ -10,13 +10,13 @@ in integers; here are those of this arithmetic alone. Formats: docs/fixed-point.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from h2nav.attitude.integer.motion import BIAS_BITS, BIAS_LIMIT, CARRY_LIMIT, MAX_DT_US, RATE_LIMIT
 from h2nav.attitude.integer.triad import Q_LIMIT
 from h2nav.attitude.record import integer, integers
 from h2nav.attitude.velocity_aided.integer.shared import of_floats
 from h2nav.attitude.velocity_aided.integer.shared_fields import SharedFields
+from h2nav.attitude.velocity_aided.parameter_fields import IntegerParameters
 from h2nav.attitude.velocity_aided.parameters import in_integers
 from h2nav.maths.fixedpoint import I32
 
@@ -302,13 +302,8 @@ class State(SharedFields):
 
 @in_integers
 @dataclass(slots=True)
-class Gains:
+class Gains(IntegerParameters):
     """Gains and limits of a gain file, as integers: its parameters and its tables."""
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> I32:
-            """A parameter."""
 
     log_set_bounds: list[I32] = integers(
         SETS - 1, -LOG_MAX, LOG_MAX, "log2 1/s^4", "omega0^4 up to which a set is taken", q=8
