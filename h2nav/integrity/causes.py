@@ -68,7 +68,7 @@ SUSPECTED = 100.0
 MIN_SHARE = 1.0 / 9.0
 # A sensor that shows the same as that of another IMU is the cause in one of so many cases: a shock
 # or a change of temperature takes both.
-ACQUITTED = 10.0
+CLEARED = 10.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
 # A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom.
@@ -230,7 +230,7 @@ class _Comparison:
             odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
         else:
             for cause in self._cleared:
-                odds[cause] -= math.log(ACQUITTED)
+                odds[cause] -= math.log(CLEARED)
         if self._rows[0].begun.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
             # An almost unknown heading can imitate any false velocity.
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])

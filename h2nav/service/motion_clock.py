@@ -6,7 +6,7 @@ quickest message of some seconds also gives a clock's offset to the host.
 
 from enum import Enum
 
-WINDOW_NS = 5_000_000_000
+FOLLOWED_NS = 5_000_000_000
 SAME_CLOCK_US = 2_000_000
 # A message on this host's UNIX clock arrives within this time, and hardly before its time stamp.
 HOST_LATE_US = 1_000_000
@@ -30,10 +30,10 @@ class LeastDelay:
         """A message of the remote time `remote_us` arrived at host time `t_ns`."""
         offset_us = remote_us - t_ns // 1000
         if self._best_us is None or t_ns >= self._until_ns:
-            follows = t_ns < self._until_ns + WINDOW_NS
+            follows = t_ns < self._until_ns + FOLLOWED_NS
             self._before_us = self._best_us if follows else None
             self._best_us = offset_us
-            self._until_ns = t_ns + WINDOW_NS
+            self._until_ns = t_ns + FOLLOWED_NS
         elif offset_us > self._best_us:
             self._best_us = offset_us
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
+from h2nav.maths.units import DEG
 from h2nav.synthesis.plant import VectorSensor
 from h2nav.validation import Within
 
-DEG = math.pi / 180.0
 STANDARD_GRAVITY_M_S2 = 9.80665
 # An optional number that was not given.
 ABSENT = math.nan

@@ -35,6 +35,26 @@ SPEED = re.compile(rf"\b({COUNT}) (x|times) (as fast|faster|slower|quicker|as lo
 FIGURE = re.compile(r"\(figure (\w+)\.(\w+)\)")
 
 
+# Words that were used for what the words of deciding say (ARCHITECTURE.md), and for other things
+# that have plain names; patterns of what is not written any more, with the word instead.
+PLAIN_WORDS = {
+    r"acquit": "clear",
+    r"misjudg": "clear",
+    r"vouch": "accept",
+    r"spoil": "damage, restart",
+    r"\bheed": "use, need",
+    r"wish": "want, request, option",
+    r"\blook_at_\w": "detect",
+    r"\.considers\(": "is_candidate",
+    r"\b_?led\(": "extrapolated",
+    r"\bunled": "filtered",
+}
+# The bound of a constant is called so; the header of the exported filter keeps its public name.
+OLD_BOUND = re.compile(r"(?<!H2NAV_)(?<![A-Za-z0-9])(?:FEWEST|LEAST|MOST)(?![A-Za-z0-9])")
+# These say nothing of what they bound or count.
+NAMELESS = {"MIN", "MAX", "WINDOW_S", "WINDOW_US", "WINDOW_NS", "NS", "NS_PER_S"}
+UNITS = "h2nav/maths/units.py"
+
 # What runs kernels fills their records, which are plain data.
 KERNELS_RUN_IN = ("h2nav/attitude/", "h2nav/integrity/watch.py")
 
@@ -162,3 +182,55 @@ def test_a_claim_of_speed_in_a_docstring_has_a_figure() -> None:
             mark = FIGURE.match(text[claim.end() :].lstrip(" ,.\n#"))
             assert mark is not None, f"{path}: {claim[0]!r} quotes no figure of docs/figures.toml"
             assert mark[2] in figures[mark[1]]["figures"], f"{path}: {mark[0]}"
+
+
+def test_one_word_is_used_for_each_meaning() -> None:
+    old = {re.compile(pattern, re.IGNORECASE): word for pattern, word in PLAIN_WORDS.items()}
+    found = [
+        f"{path}: {text[max(0, place.start() - 20) : place.end() + 20]!r}; say {word}"
+        for path, text in written()
+        for pattern, word in old.items()
+        for place in pattern.finditer(text)
+    ]
+    assert found == []
+
+
+def test_bounds_are_called_min_and_max() -> None:
+    found = [f"{path}: {name[0]}" for path, text in written() for name in OLD_BOUND.finditer(text)]
+    assert found == []
+
+
+def written() -> Iterator[tuple[str, str]]:
+    """What people write here: code, tests, tools and documents, but this file."""
+    patterns = ("h2nav/**/*.py", "tests/**/*.py", "tools/**/*.py", "docs/**/*.md", "*.md")
+    for path in (path for pattern in patterns for path in sorted(REPOSITORY.glob(pattern))):
+        name = path.relative_to(REPOSITORY).as_posix()
+        # the history of changes says what things were called
+        if path != Path(__file__) and name != "CHANGELOG.md":
+            yield name, path.read_text(encoding="utf-8")
+
+
+def test_a_constant_says_of_what() -> None:
+    found = [f"{path}: {name}" for path in SOURCES for name in constants(path) if name in NAMELESS]
+    assert found == []
+
+
+def test_a_constant_of_units_is_declared_once() -> None:
+    shared = set(constants(UNITS))
+    assert {"DEG", "GRAVITY_M_S2", "SECOND_NS", "EARTH_RADIUS_M"} <= shared
+    found = [
+        f"{path}: {name} is in {UNITS}"
+        for path in SOURCES
+        if path != UNITS
+        for name in constants(path)
+        if name in shared
+    ]
+    assert found == []
+
+
+def constants(path: str) -> Iterator[str]:
+    """The names that a module assigns at its top."""
+    for node in trees()[path].body:
+        for target in targets(node):
+            if isinstance(target, ast.Name):
+                yield target.id

@@ -10,7 +10,7 @@ from .standstill import TURNING_RAD_S, field_is_frozen, standstill
 LONGEST_STEP_US = 300e3
 # The longest step over which a turn is counted.
 LONGEST_TURN_US = 100e3
-WINDOW_US = 1e6
+CHECK_WINDOW_US = 1e6
 # 5 Hz, as ArduPilot's: motion of the vehicle is slower.
 VIBRATION_US = 1e6 / (2.0 * math.pi * 5.0)
 
@@ -27,7 +27,7 @@ def check(s: Memory, g: Gains, sample: Sample) -> int:
     s.window_us = s.window_us + s.step_us
     s.samples = s.samples + 1.0
     s.clipped = s.clipped + sample.clipped
-    if s.window_us >= WINDOW_US:
+    if s.window_us >= CHECK_WINDOW_US:
         end_window(s)
     if s.step_us > LONGEST_STEP_US:
         forget_runs(s)
