@@ -88,6 +88,14 @@ ROOMS = {
             "tests/agreement/test_odometry_solvers.py",
         ),
     ),
+    "integrity": Room(
+        ("h2nav/integrity/**/*.py",),
+        ("tests/unit/integrity", "tests/unit/service/test_judgement.py"),
+    ),
+    "airframes": Room(("h2nav/airframes/**/*.py",), ("tests/unit/airframes",)),
+    "fetch": Room(("h2nav/fetch/**/*.py",), ("tests/unit/fetch",)),
+    "flights": Room(("h2nav/flights/**/*.py",), ("tests/unit/flights", "tests/unit/live")),
+    "maths": Room(("h2nav/maths/**/*.py",), ("tests/unit/maths", "tests/laws")),
     "kernels": Room(
         ("h2nav/attitude/**/kernel/*.py", "h2nav/attitude/integer/*.py"),
         (

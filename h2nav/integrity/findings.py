@@ -150,13 +150,23 @@ class _Entry:
     )
 
     def __init__(self, t_s: float, alarm: Alarm, identity: str) -> None:
-        kind, sensor, severity, size, unit, text, evidence, _, since_s, is_decided, _, _ = alarm
         self.finding = Finding(
-            kind, sensor, severity, t_s - since_s, t_s, size, unit, text, evidence, identity, True
-        )._replace(backs_us=alarm.backs_us)
-        self._held_s, self._evidence = since_s, evidence
-        self._shown = is_decided, size  # of the present text and evidence
-        self._reported_s, self._reported_size, self._is_renewed = t_s, size, False
+            kind=alarm.kind,
+            sensor=alarm.sensor,
+            severity=alarm.severity,
+            from_s=t_s - alarm.since_s,
+            to_s=t_s,
+            size=alarm.size,
+            unit=alarm.unit,
+            text=alarm.text,
+            evidence=alarm.evidence,
+            id=identity,
+            is_open=True,
+            backs_us=alarm.backs_us,
+        )
+        self._held_s, self._evidence = alarm.since_s, alarm.evidence
+        self._shown = alarm.is_decided, alarm.size  # of the present text and evidence
+        self._reported_s, self._reported_size, self._is_renewed = t_s, alarm.size, False
 
     def extend(self, t_s: float, alarm: Alarm) -> None:
         """Continues the finding, or reopens it."""

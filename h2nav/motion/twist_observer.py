@@ -126,47 +126,35 @@ class TwistObserver:
     def state(self) -> ObserverState:
         """The complete memory of the observer."""
         return ObserverState(
-            self._now,
-            self._anchor,
-            self._fix,
-            self._bias_w,
-            self._bias_v,
-            tuple(self._samples),
-            tuple(self._waiting),
-            self._rotation,
-            self._position,
-            self._streak,
-            self._last_t_us,
-            self._stale_samples,
-            self._frame,
-            self._source_resets,
-            self._reset_counter,
-            tuple(self.counts.items()),
+            now=self._now,
+            anchor=self._anchor,
+            fix=self._fix,
+            bias_w=self._bias_w,
+            bias_v=self._bias_v,
+            samples=tuple(self._samples),
+            waiting=tuple(self._waiting),
+            rotation=self._rotation,
+            position=self._position,
+            streak=self._streak,
+            last_t_us=self._last_t_us,
+            stale_samples=self._stale_samples,
+            frame=self._frame,
+            source_resets=self._source_resets,
+            reset_counter=self._reset_counter,
+            counts=tuple(self.counts.items()),
         )
 
     def restore(self, state: ObserverState) -> None:
         """Continues exactly where `state` was taken, under the same settings."""
-        (
-            self._now,
-            self._anchor,
-            self._fix,
-            self._bias_w,
-            self._bias_v,
-            samples,
-            waiting,
-            self._rotation,
-            self._position,
-            self._streak,
-            self._last_t_us,
-            self._stale_samples,
-            self._frame,
-            self._source_resets,
-            self._reset_counter,
-            counts,
-        ) = state
-        self._samples = deque(samples)
-        self._waiting = deque(waiting)
-        self.counts = Counter(dict(counts))
+        self._now, self._anchor, self._fix = state.now, state.anchor, state.fix
+        self._bias_w, self._bias_v = state.bias_w, state.bias_v
+        self._samples, self._waiting = deque(state.samples), deque(state.waiting)
+        self._rotation, self._position = state.rotation, state.position
+        self._streak, self._stale_samples = state.streak, state.stale_samples
+        self._last_t_us = state.last_t_us
+        self._frame, self._reset_counter = state.frame, state.reset_counter
+        self._source_resets = state.source_resets
+        self.counts = Counter(dict(state.counts))
         self._renew_sigmas()
 
     def _use(self, rates: Rates) -> TwistEstimate | None:

@@ -39,7 +39,8 @@ def add_arguments(parser):
 def run(arguments):
     return 0
 '''
-# recipe -> (files: what is replaced in them and by what, or the text of a new one), what then holds
+# recipe -> (files: what is replaced in them, each followed by what it becomes, or the text of a new
+# one), what then holds
 RECIPES = {
     "A finding of a whole flight": (
         {"h2nav/reviews/subjects/made.py": SUBJECT},
@@ -60,6 +61,66 @@ RECIPES = {
         "from h2nav.recordings.field_tables import FIELDS\n"
         "assert 'made' in [one.name for one in FIELDS]\n"
         "assert 'POWR' in messages_of(Format.DATAFLASH, FIELDS)\n",
+    ),
+    "A message that is read": (
+        {
+            "h2nav/wire/vehicle.py": (
+                "def heartbeat(m: Any)",
+                "class Pressure(NamedTuple):\n"
+                '    """SCALED_PRESSURE."""\n\n'
+                "    air_hpa: float\n\n\n"
+                "def pressure(m: Any) -> Pressure:\n"
+                '    """SCALED_PRESSURE."""\n'
+                "    return Pressure(m.press_abs)\n\n\n"
+                "def heartbeat(m: Any)",
+            ),
+            "h2nav/wire/readers.py": (
+                "    mavlink.MAVLINK_MSG_ID_VIBRATION: vehicle.vibration,\n",
+                "    mavlink.MAVLINK_MSG_ID_VIBRATION: vehicle.vibration,\n"
+                "    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: vehicle.pressure,\n",
+            ),
+            "h2nav/service/service.py": (
+                "    ParameterValue,\n    StatusText,\n",
+                "    ParameterValue,\n    Pressure,\n    StatusText,\n",
+                "            case Vibration():\n",
+                "            case Pressure():\n"
+                "                text = f'{message.air_hpa:.0f} hPa'\n"
+                "                return self._notices.report(t_ns, Severity.INFO, text, 'made')\n"
+                "            case Vibration():\n",
+            ),
+            "h2nav/service/wanted.py": (
+                "    optional += comparing.wanted_streams(",
+                "    made = mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE\n"
+                "    optional.append(WantedStream(made, 2.0, is_optional=True))\n"
+                "    optional += comparing.wanted_streams(",
+            ),
+        },
+        """
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from h2nav.apps.configuration import Configuration
+from h2nav.apps.filters import FilterFactory
+from h2nav.apps.pipeline import deliver
+from h2nav.files.earth_field import earth_field_at
+from h2nav.service.autopilot import Identity
+from h2nav.service.service import Service, Surroundings
+from h2nav.service.wanted import streams_wanted
+from h2nav.wire.codec import Encoder
+from h2nav.wire.deframer import Deframer
+
+chosen = Configuration()
+filters = FilterFactory.shipped(chosen.filter, chosen.autopilot.imu_rate_hz)
+service = Service(chosen.service, Surroundings(filters.filter_for, earth_field_at, 1.79e9))
+pilot, kind = Encoder(1, 1), (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR)
+beat = pilot.encode(mavlink.MAVLink_heartbeat_message(*kind[::-1], 0, 0, 4, 3))
+air = pilot.encode(mavlink.MAVLink_scaled_pressure_message(1000, 1013.0, 0.0, 2500))
+(beat,), (air,) = Deframer().feed(beat), Deframer().feed(air)
+for second in range(5):
+    deliver(service, beat, second * 10**9, second * 10**9)
+told = deliver(service, air, 5 * 10**9, 5 * 10**9)
+assert [one.text for one in told if hasattr(one, "text")] == ["1013 hPa"], told
+asked = streams_wanted(chosen.service, Identity(1, 1, *kind), ())
+assert any(one.message_id == air.msg_id for one in asked)
+""",
     ),
     "A command": (
         {
@@ -127,6 +188,7 @@ def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: str, tmp_p
     text = where_to_add()[recipe]
     ignored = shutil.ignore_patterns("__pycache__", "*.so")
     shutil.copytree(REPOSITORY / "h2nav", tmp_path / "h2nav", ignore=ignored)
+    (tmp_path / "gains").symlink_to(REPOSITORY / "gains")
     for path, change in changes.items():
         place = tmp_path / path
         assert (path.removeprefix("h2nav/") in text) or (str(Path(path).parent)[6:] + "/" in text)
@@ -134,10 +196,11 @@ def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: str, tmp_p
             assert not place.exists()
             place.write_text(change, encoding="utf-8")
         else:
-            before, after = change
             whole = place.read_text(encoding="utf-8")
-            assert whole.count(before) == 1, path
-            place.write_text(whole.replace(before, after), encoding="utf-8")
+            for before, after in zip(change[::2], change[1::2], strict=True):
+                assert whole.count(before) == 1, path
+                whole = whole.replace(before, after)
+            place.write_text(whole, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-c", check],
         cwd=tmp_path, env={"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin"},

@@ -167,6 +167,12 @@ def is_rejected(s: State, g: Gains, norm: float, dip: float, age: float) -> floa
     s.mag_new_s = 0.0
     s.mag_lag_num = 0.0
     s.mag_lag_den = 0.0
+    forget_heading(s, g)
+    return 0.0
+
+
+def forget_heading(s: State, g: Gains) -> None:
+    """Forgets how well the heading is known, and what is correlated with it."""
     s.p_xh = 0.0
     s.p_yh = 0.0
     s.p_zh = 0.0
@@ -176,7 +182,6 @@ def is_rejected(s: State, g: Gains, norm: float, dip: float, age: float) -> floa
     s.p_offset_y[3] = 0.0
     s.p_offset_z[3] = 0.0
     s.heading_variance = g.heading_variance
-    return 0.0
 
 
 def count_turn(s: State, norm: float) -> None:
@@ -449,12 +454,4 @@ def turn_heading(s: State, w: Workspace, g: Gains, angle: float) -> None:
     s.velocity_n = 0.0
     s.velocity_e = 0.0
     s.fixes_rejected = MAX_REJECTED
-    s.p_xh = 0.0
-    s.p_yh = 0.0
-    s.p_zh = 0.0
-    s.p_accel_x[3] = 0.0
-    s.p_accel_y[3] = 0.0
-    s.p_offset_x[3] = 0.0
-    s.p_offset_y[3] = 0.0
-    s.p_offset_z[3] = 0.0
-    s.heading_variance = g.heading_variance
+    forget_heading(s, g)
