@@ -37,14 +37,12 @@ from h2nav.attitude.velocity_aided.shell import (
     AIR_TILT_SIGMA_RAD,
     LONGEST_GAP_US,
     TRUST,
-    WHOLE,
-    HeadingState,
-    RefusedField,
     VelocityAidedShell,
     clipping,
     is_plausible_field,
 )
 from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix
+from h2nav.attitude.velocity_aided.velocity_heading import WHOLE, HeadingState, RefusedField
 from h2nav.maths.quaternion import multiply, rotate
 from h2nav.maths.units import GRAVITY_M_S2
 

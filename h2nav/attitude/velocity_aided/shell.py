@@ -1,46 +1,36 @@
 """The shell around the kernels of the velocity-aided filter, for any arithmetic.
 
-It handles, once and in SI units, the start, bad samples, long gaps, late fixes, heading and
-attitude from velocities, and doubted sensors. An arithmetic adds how its kernel takes a sample and
-returns numbers (`filter` for floats, `integer.filter` for integers).
+It handles, once and in SI units, the start, bad samples, long gaps and late fixes; on heading and
+attitude from velocities (`velocity_heading`, `velocity_attitude`) and doubted sensors
+(`doubted_sensors`). An arithmetic adds how its kernel takes a sample and returns numbers (`filter`
+for floats, `integer.filter` for integers).
 
 Equations: docs/filter.md.
 """
 
 import itertools
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
-    Quat,
     SensorDelays,
-    SensorDoubt,
-    SensorErrors,
     Trust,
     Vec3,
     VehicleState,
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided import memory
-from h2nav.attitude.velocity_aided.air_alignment import AirAlignment, AirReference, Leveled
+from h2nav.attitude.velocity_aided.air_alignment import AirAlignment
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
-from h2nav.attitude.velocity_aided.heading_witness import (
-    HIGH_PASS_S,
-    INFLATION,
-    KNOWN_RAD,
-    Heading,
-    HeadingWitness,
-    VelocityNoise,
-    velocity_walk,
-)
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
-from h2nav.attitude.velocity_aided.velocity_aiding import MIN_SIGMA_M_S, TimedFix, VelocityAiding
+from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix, VelocityAiding
+from h2nav.attitude.velocity_aided.velocity_attitude import VelocityAttitude
+from h2nav.attitude.velocity_aided.velocity_heading import VelocityHeading
 from h2nav.maths.units import DEG
 
 # After a longer gap the filter aligns again; the bias is kept.
@@ -55,22 +45,8 @@ SURE_RATE_RAD_S, SURE_FORCE_M_S2 = 0.25 * MAX_RATE_RAD_S, 0.25 * MAX_FORCE_M_S2
 SURE_FIELD_UT = 0.25 * MAX_FIELD_UT
 # Number of values of `VelocityAidedShell.state` before those of the kernel.
 HEAD_SIZE = 4
-# A larger bias turns the forces of a window in the air by more than the velocities can show.
-KNOWN_BIAS_RAD_S = 0.3 * DEG
-# Limit from an accelerometer's data sheet: 60 mg.
-MAX_ACCEL_BIAS_G = 0.06
 # Deviation of a tilt that was not tracked for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
-# A heading that differs from that of the velocities by more deviations, and by more in total, is
-# doubted: iron may have bent the field. Of the regression this many of its own deviations count.
-DOUBT, MIN_DOUBT_RAD, SHOWN = 3.0, 4.0 * DEG, 2.0
-# A field that is refused for longer is weighed against the filter as if for the first time,
-HEARING_S = 10.0
-# if its norm and dip are the earth's: relative, and rad.
-WHOLE = 0.03
-# A gyro is doubted anew when the variance of its bias grows by this factor.
-NEWS = 4.0
-
 _FLAGS = (
     (memory.FORCE_USED, Trust.FORCE_USED),
     (memory.FIELD_USED, Trust.FIELD_USED),
@@ -87,33 +63,7 @@ TRUST = tuple(
 )
 
 
-class RefusedField(NamedTuple):
-    """A field with the earth's norm and dip whose heading is refused."""
-
-    turn_rad: float  # from the filter's heading to that by the field
-    refused_s: float  # time since a field was used
-
-    def is_heard_by(self, seen: Heading) -> bool:
-        """Whether it and velocities contradict the filter, and not each other.
-
-        Iron that leaves norm and dip turns no heading as far, and velocities would show a compass
-        that is turned.
-        """
-        apart = math.remainder(self.turn_rad - seen.turn_rad, 2.0 * math.pi)
-        is_far = abs(self.turn_rad) > KNOWN_RAD
-        return self.refused_s > HEARING_S and is_far and abs(apart) < seen.limit_rad
-
-
-class HeadingState(NamedTuple):
-    """The state of a filter's heading."""
-
-    age_s: float  # time since the tilt was found
-    turned_rad: float  # sum of all corrections of the heading so far
-    variance: float  # from the covariance, rad^2
-    drift_rad_s: float  # deviation of the gyro's bias about the vertical
-
-
-class VelocityAidedShell(ABC):
+class VelocityAidedShell(VelocityHeading, VelocityAttitude):
     """The velocity-aided filter without its kernel.
 
     Args:
@@ -125,12 +75,10 @@ class VelocityAidedShell(ABC):
     state_name = name
 
     def __init__(self, gains: VelocityAidedGains) -> None:
-        self._gains = gains
+        super().__init__(gains)
         self._t_us: int | None = None
         self._aligned = False
         self._aiding = VelocityAiding()
-        self._air: AirAlignment | None = None
-        self._witness = HeadingWitness()
 
     @property
     def t_us(self) -> int | None:
@@ -188,39 +136,7 @@ class VelocityAidedShell(ABC):
         if not self._aligned or self._t_us is None:
             return
         if self._aiding.offer(fix, self._t_us) and self._air is not None:
-            late_s = self.sensor_errors.fix_latency_s
-            self._air.take(fix.t_us - late_s * 1e6, fix.v_n)
-            sigma_m_s = max(fix.sigma_m_s, MIN_SIGMA_M_S)
-            self._take_level(self._air.solve(self._attitude(), self._reference(), sigma_m_s))
-
-    def doubt(self, doubt: SensorDoubt) -> None:
-        """Estimates anew what was found wrong; see `AttitudeFilter`."""
-        g = self._gains.kernel
-        x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in doubt.rate_b)
-        known = self.sensor_errors.gyro_variance
-        if any(new > NEWS * old for new, old in zip((x, y, z), known, strict=True)):
-            # An undetected gyro error has bent the velocity felt until now, and bends it until the
-            # tilt is corrected.
-            self._witness.clear(HIGH_PASS_S)
-        force = None
-        if self._gained() is not None and g.accel_variance > 0.0:
-            a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
-            force = (a, b)
-        self._open_biases((x, y, z), force)
-        if doubt.tilt_rad > 0.0:
-            self._open_attitude(doubt.tilt_rad, doubt.heading_rad)
-
-    def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
-        """Starts with sensors whose errors are corrected, known as well as so long ago."""
-        g = self._gains.kernel
-        walk = g.bias_walk * walked_s
-        x, y, z = (min(v + walk, g.bias_variance) for v in errors.gyro_variance)
-        self._set_gyro_variance((x, y, z))
-        if min(errors.force_variance) > 0.0:
-            walk, unit = g.accel_walk * walked_s, g.gravity * g.gravity
-            a, b = (min(v / unit + walk, g.accel_variance) for v in errors.force_variance)
-            lag = errors.fix_latency_variance + g.fix_lag_walk * walked_s
-            self._set_aided_variances((a, b), min(lag, g.fix_lag_variance))
+            self._take_in_air(self._air, fix)
 
     def restart(self) -> None:
         """Forgets time, and on the ground the attitude; keeps bias, field and sensors."""
@@ -260,27 +176,8 @@ class VelocityAidedShell(ABC):
 
     @property
     @abstractmethod
-    def sensor_errors(self) -> SensorErrors:
-        """The errors of the sensors estimated so far."""
-
-    @property
-    @abstractmethod
-    def field_latency_s(self) -> float:
-        """Estimated delay of the magnetometer's samples relative to the gyro's."""
-
-    @property
-    @abstractmethod
-    def _flies(self) -> bool:
-        """Whether the vehicle is reported to be in the air."""
-
-    @property
-    @abstractmethod
     def _has_field_heading(self) -> bool:
         """Whether the heading comes from a field, so that a changed declination turns it."""
-
-    @abstractmethod
-    def _heading(self) -> HeadingState:
-        """The state of the heading."""
 
     @abstractmethod
     def use_delays(self, delays: SensorDelays) -> None:
@@ -312,77 +209,12 @@ class VelocityAidedShell(ABC):
         """The estimate if no step was made."""
 
     @abstractmethod
-    def _gained(self) -> tuple[float, float] | None:
-        """Velocity gained from the force since aiding began, over g; None without fixes."""
-
-    @abstractmethod
-    def _attitude(self) -> Quat:
-        """The attitude, body to n."""
-
-    @abstractmethod
-    def _reference(self) -> AirReference:
-        """The reference of the field; its norm is 0 while velocities show the heading."""
-
-    @abstractmethod
-    def _without_biases(self, sample: ImuSample) -> tuple[Vec3, Vec3, Vec3 | None]:
-        """Rate, force and, if new, field of the latest sample, without biases."""
-
-    @abstractmethod
     def _set_vehicle(self, prior: int, speed_m_s: float) -> None:
         """Sets the prior of rest, and the velocity along the nose."""
 
     @abstractmethod
     def _set_field(self, field: EarthField) -> float:
         """Sets the local field; returns the change of the declination, rad."""
-
-    @abstractmethod
-    def _turn_heading(self, angle_rad: float) -> None:
-        """Turns by an angle at once, and forgets the state of the heading."""
-
-    @property
-    @abstractmethod
-    def _is_witnessed(self) -> bool:
-        """Whether velocities show the heading."""
-
-    @abstractmethod
-    def _set_witnessed(self, is_witnessed: bool, off_rad: float) -> None:
-        """Sets whether velocities show the heading now, and by how much it is probably off."""
-
-    @abstractmethod
-    def _confirm(self, shown_rad: float) -> None:
-        """Notes that velocities have confirmed the heading to this accuracy."""
-
-    @abstractmethod
-    def _doubt_field(self) -> None:
-        """Notes that velocities have contradicted the field's heading."""
-
-    @abstractmethod
-    def _refused_field(self) -> RefusedField | None:
-        """The newest field, if its norm and dip are the earth's and its heading is refused."""
-
-    @abstractmethod
-    def _limit_heading(self, sigma_rad: float) -> None:
-        """Sets the accuracy of a heading from velocities; nothing is known of the fixes."""
-
-    @abstractmethod
-    def _find_in_air(self, found: Leveled) -> None:
-        """Continues with an attitude from velocities in flight."""
-
-    @abstractmethod
-    def _open_biases(self, rate: Vec3, force: tuple[float, float] | None) -> None:
-        """Raises the biases' variances to these, (rad/s)^2 and g^2."""
-
-    @abstractmethod
-    def _open_attitude(self, tilt_rad: float, heading_rad: float) -> None:
-        """Raises the deviations of tilt and heading to these."""
-
-    @abstractmethod
-    def _set_gyro_variance(self, variance: Vec3) -> None:
-        """Sets the variance of the gyro's bias, (rad/s)^2, without correlations."""
-
-    @abstractmethod
-    def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
-        """Sets the variances of accelerometer bias and fix latency, g^2 and s^2."""
 
     @abstractmethod
     def _forget_start(self) -> None:
@@ -426,70 +258,9 @@ class VelocityAidedShell(ABC):
             # The velocity gained starts again at zero.
             self._witness.interrupt()
         fix = self._aiding.take(t_us, gained or (0.0, 0.0))
-        if fix is not None:
-            self._ask_velocity(fix)
+        if fix is not None and self._ask_velocity(fix, self._air is not None):
+            self._watch_in_air(self._t_us or 0)
         return fix
-
-    def _ask_velocity(self, fix: TimedFix) -> None:
-        """Adopts the heading from velocities, if it contradicts the filter's."""
-        heading = self._heading()
-        if self._air is not None or heading.age_s < HIGH_PASS_S:
-            return
-        errors = self.sensor_errors
-        walk = velocity_walk(errors.rate_density, errors.force_density)
-        sigma_m_s = math.sqrt(fix.variance)
-        noise = VelocityNoise(sigma_m_s, walk, heading.drift_rad_s)
-        seen = self._witness.take(fix.v_n, fix.earlier, heading.turned_rad, fix.period_s, noise)
-        # A witness that has become less certain still keeps a turned compass away.
-        is_witnessed = seen is not None and (seen.is_known or self._is_witnessed)
-        self._set_witnessed(is_witnessed, 0.0 if seen is None else seen.off_rad)
-        if seen is None:
-            return
-        if seen.is_known:
-            self._compare(seen, heading.variance)
-        if seen.contradicts:
-            self._find_heading(seen.turn_rad, seen.sigma_rad)
-            return
-        refused = self._refused_field()
-        if refused is not None and refused.is_heard_by(seen):
-            self._find_heading(refused.turn_rad, seen.sigma_rad)
-
-    def _find_heading(self, turn_rad: float, sigma_rad: float) -> None:
-        """Turns to another heading, of this deviation."""
-        self._turn_heading(turn_rad)
-        self._witness.adopt(turn_rad)
-        # Latency and tilt were estimated from velocities turned the wrong way.
-        self._limit_heading(INFLATION * sigma_rad)
-        self._watch_in_air(self._t_us or 0)
-
-    def _compare(self, seen: Heading, variance: float) -> None:
-        """Confirms the heading by velocities, or doubts the field that gave it."""
-        off, sigma = abs(seen.turn_rad), SHOWN * seen.sigma_rad
-        if off * off > DOUBT**2 * (variance + sigma**2) and off > MIN_DOUBT_RAD:
-            self._doubt_field()
-        elif not seen.contradicts:
-            self._confirm(max(off, sigma))
-
-    def _watch_in_air(self, t_us: int) -> None:
-        """Begins a window in the air; without a known gyro bias the loop is better."""
-        is_known = sum(self.sensor_errors.gyro_variance) < KNOWN_BIAS_RAD_S**2
-        self._air = AirAlignment(t_us) if is_known and self._flies else None
-
-    def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
-        """Adds a sample to the window; the window ends at its full length."""
-        if window.is_over(sample.t_us):
-            self._air = None
-            return
-        rate, force, field = self._without_biases(sample)
-        window.add(sample.t_us, rate, force, field, self.field_latency_s)
-
-    def _take_level(self, found: Leveled | None) -> None:
-        """Continues with the attitude from a window in the air."""
-        if found is None:
-            return
-        self._find_in_air(found)
-        if found.heading_sigma_rad < math.inf:
-            self._witness.clear()
 
 
 def rest_prior(gains: VelocityAidedGains, vehicle: VehicleState) -> int:

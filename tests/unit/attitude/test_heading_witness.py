@@ -17,7 +17,7 @@ from h2nav.attitude.velocity_aided.heading_witness import (
     VelocityNoise,
     velocity_walk,
 )
-from h2nav.attitude.velocity_aided.shell import RefusedField
+from h2nav.attitude.velocity_aided.velocity_heading import RefusedField
 
 PERIOD_S = 0.2
 SIGMA_M_S = 0.1

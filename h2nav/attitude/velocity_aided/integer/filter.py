@@ -66,12 +66,11 @@ from h2nav.attitude.velocity_aided.kernel.prediction import jolt_of
 from h2nav.attitude.velocity_aided.shell import (
     MAX_FIELD_UT,
     TRUST,
-    HeadingState,
-    RefusedField,
     VelocityAidedShell,
     clipping,
 )
 from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix
+from h2nav.attitude.velocity_aided.velocity_heading import HeadingState, RefusedField
 from h2nav.maths.units import GRAVITY_M_S2
 
 SETTLED_BITS = 14  # of the correction to come: 3e-5 rad
