@@ -60,9 +60,9 @@ def test_microcontroller(exported: Path, identity: Identity, python: Run, core: 
     assert c_builds.run_board(program, core) == python.words
 
 
-@pytest.mark.parametrize("mcu", c_builds.AVRS)
-def test_avr_where_an_int_has_16_bits(exported: Path, identity: Identity, mcu: str) -> None:
-    main_file = c_builds.HERE / "identity_main.c"
+def test_avr_where_an_int_has_16_bits(exported: Path, identity: Identity) -> None:
+    # The second core has longer return addresses alone, which the vectors below go through.
+    mcu, main_file = c_builds.AVRS[0], c_builds.HERE / "identity_main.c"
     program = c_builds.build_avr(exported, identity, mcu, main_file, AVR_STEPS)
     assert c_builds.run_avr(program, mcu) == [*run(identity, AVR_STEPS).words, "00000000"]
 
@@ -106,7 +106,8 @@ def test_undefined_behaviour_sanitizer_has_nothing_to_report(
     assert len(words) == 1 + size_of(identity.memory_type)
 
 
-@pytest.mark.parametrize("level", ["-O0", "-O2", "-O3"])
+# Without optimisation a compiler copies records by calls, with all of it loops become calls.
+@pytest.mark.parametrize("level", ["-O0", "-O3"])
 @pytest.mark.parametrize("compiler", ["gcc", "clang", "arm-none-eabi-gcc"])
 def test_freestanding_without_any_undefined_symbol(
     exported: Path, compiler: str, level: str
