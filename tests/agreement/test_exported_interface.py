@@ -235,16 +235,15 @@ def test_a_changed_kernel_changes_the_c() -> None:
     sources = export_c.kernel_sources(form.kernel)
     entries = (form.kernel.entry, *form.more_entries)
     code = translate(sources, entries, ["reset"]).code
-    seen = 0
-    for index, source in enumerate(sources):
-        mutant = mutated(source.text)
-        if mutant is not None:
-            changed = [*sources]
-            changed[index] = KernelSource(source.path, mutant)
-            with contextlib.suppress(Untranslatable):
-                assert translate(changed, entries, ["reset"]).code != code
-            seen += 1
-    assert seen >= len(sources) - 1  # every module but the memory has one
+    mutants = {i: mutated(source.text) for i, source in enumerate(sources)}
+    found = [(i, mutant) for i, mutant in mutants.items() if mutant is not None]
+    assert len(found) >= len(sources) - 1  # every module but the memory has one
+    # Four modules from the first to the last: each translation takes a second.
+    for index, mutant in found[:: max(len(found) // 4, 1)]:
+        changed = [*sources]
+        changed[index] = KernelSource(sources[index].path, mutant)
+        with contextlib.suppress(Untranslatable):
+            assert translate(changed, entries, ["reset"]).code != code
 
 
 def mutated(text: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Two thousand random well-posed models: no wrong gain is ever certified."""
+"""A thousand random well-posed models: no wrong gain is ever certified."""
 
 import math
 
@@ -23,7 +23,7 @@ from h2nav.synthesis.plant import (
 from h2nav.synthesis.riccati import solve_riccati
 from h2nav.synthesis.sensors import deployed_gain
 
-MODELS = 2000
+MODELS = 1000
 DEG = math.pi / 180.0
 RATES_HZ = (50.0, 100.0, 200.0, 400.0)
 
@@ -63,10 +63,10 @@ def test_closed_form_riccati_and_certificate_agree_on_every_model() -> None:
         assert closed_form.claimed_h2_norm == pytest.approx(proof.h2_norm, rel=1e-9)
 
 
-def testdeployed_gain_is_optimal_for_every_model() -> None:
+def test_the_deployed_gain_is_optimal_for_every_model() -> None:
     """The plain-Python closed form that the filter itself uses at new places."""
     random = np.random.default_rng(2021)
-    for number in range(MODELS // 4):
+    for number in range(MODELS // 2):
         noise = random_densities(random)
         rate_hz = RATES_HZ[number % 4]
         level = design_sensor_gains(noise, rate_hz, "random").levels[0]
@@ -87,7 +87,7 @@ def wrong_gains(random: np.random.Generator, L: np.ndarray) -> list[np.ndarray]:
 
 def test_no_wrong_gain_is_ever_certified() -> None:
     random = np.random.default_rng(2022)
-    for number in range(MODELS // 20):
+    for number in range(MODELS // 10):
         noise = random_densities(random)
         sensors = vector_sensors(noise)
         continuous = attitude_bias_plant(noise.gyro, noise.bias_walk, sensors)
@@ -106,7 +106,7 @@ def test_solver_is_right_or_refused(solver: str) -> None:
     """Whatever the solver says of itself, what is accepted is within 1e-3 of the optimum."""
     random = np.random.default_rng(2023)
     accepted = 0
-    count = 24 if solver == "CLARABEL" else 3
+    count = 24 if solver == "CLARABEL" else 2  # one in continuous time, one discrete
     for number in range(count):
         noise = random_densities(random)
         sensors = vector_sensors(noise)
