@@ -65,7 +65,7 @@ class TranslateAndBuild(build_ext):
 
 NATIVE = Extension(
     "h2nav.attitude._native",
-    ["native/module.c"],
+    ["native/module.c", "native/likelihood.c"],
     define_macros=[("Py_LIMITED_API", OLDEST_PYTHON)],
     py_limited_api=True,
     optional=True,

@@ -16,6 +16,7 @@
 #include <Python.h>
 
 #include "kernels.h"
+#include "likelihood.h"
 
 static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
@@ -83,6 +84,11 @@ static PyObject *run(PyObject *self, PyObject *arguments)
 
 static PyMethodDef methods[] = {
     {"run", run, METH_VARARGS, "Samples through the step of one kernel."},
+    {"whiten", likelihood_whiten, METH_VARARGS, "Whitens columns."},
+    {"products", likelihood_products, METH_VARARGS, "Scalar products of columns."},
+    {"fit", likelihood_fit, METH_VARARGS, "Integrates unknowns out."},
+    {"extend", likelihood_extend, METH_VARARGS, "Integrates further unknowns out."},
+    {"unknowns", likelihood_unknowns, METH_VARARGS, "The most probable unknowns."},
     {NULL, NULL, 0, NULL},
 };
 

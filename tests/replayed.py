@@ -103,7 +103,7 @@ class Replayed:
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         record = estimate_record(estimate, late_ns)
-        self.reference.estimate(t_ns, record)
+        self.reference.estimate(t_ns, estimate)
         self.estimates.append(record)
 
     def notice(self, t_ns: int, severity: Severity, text: str) -> None:

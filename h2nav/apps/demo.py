@@ -33,7 +33,7 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput, TaskFailed
 from h2nav.integrity.findings import Severity
 from h2nav.recordings.reference import ErrorTable, Reference
-from h2nav.service.records import HealthRecord, estimate_record
+from h2nav.service.records import HealthRecord
 from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.orders import KEYS, key_table
 from h2nav.sim.scenarios import SCENARIOS
@@ -146,7 +146,7 @@ class _Onlooker(Console):
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         super().estimate(t_ns, estimate, late_ns)
-        self.reference.estimate(t_ns, estimate_record(estimate))
+        self.reference.estimate(t_ns, estimate)
 
     def status(self, t_ns: int, look: Callable[[int], Sight]) -> None:
         super().status(t_ns, look)

@@ -249,7 +249,7 @@ class Pipeline:
                     continue
                 if before is not None:
                     before(t_ns)
-                envelope = Envelope(t_ns, t_ns, sender, msg_id)
+                envelope = tuple.__new__(Envelope, (t_ns, t_ns, sender, msg_id))
                 reading = reading_of(number, msg_id) if msg_id in imu_ids else None
                 if reading is not None:
                     effects = service.on_imu(envelope, reading)

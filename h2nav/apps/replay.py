@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     started_s = time.perf_counter()
     try:
         with byte_bar("replaying") as progress:
-            for _ in played.through(pipeline, before=listener.arrives):
+            for _ in played.through(pipeline, before=listener.arrives if args.smooth else None):
                 progress(*recording.progress)
         watcher.reference.tables(tables.tables())
         elapsed_s = time.perf_counter() - started_s
@@ -116,10 +116,9 @@ def _smooth(
     """The smoothed estimates, which are also logged."""
     estimates = TimedEstimates()
     for t_ns, estimate in smoothed(listener, filters.filter_for):
-        record = smoothed_record(estimate)
-        estimates.add(t_ns, record)
+        estimates.add(t_ns, estimate)
         if recorder is not None:
-            recorder.record(SMOOTHED_TOPIC, record, t_ns + offset_ns)
+            recorder.record(SMOOTHED_TOPIC, smoothed_record(estimate), t_ns + offset_ns)
     return estimates
 
 
@@ -153,12 +152,11 @@ class _Watcher:
         """The tables have them."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
-        record = estimate_record(estimate, late_ns)
-        self.reference.estimate(t_ns, record)
-        recorded = next(self._recorded, None)
+        self.reference.estimate(t_ns, estimate)
+        recorded = next(self._recorded, None) if self.compares else None
         if recorded is not None:
             self.compared += 1
-            self.equal += _is_equal(recorded[1], record)
+            self.equal += _is_equal(recorded[1], estimate_record(estimate, late_ns))
 
     def message(self, t_ns: int, message: Message) -> None:
         self.reference.message(message)

@@ -200,11 +200,15 @@ class _Backward:
                 yield None
                 continue
             a, b, c, d, p, q, r, x, y, z, u, v, w, sigma_tilt, sigma_heading = values
-            estimate = AttitudeEstimate(
-                t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w), sigma_tilt, _TRUST[trust],
-                sigma_heading,
-            )  # fmt: skip
-            yield _Known(estimate, is_referenced)
+            # Bypasses the constructors, here and below, which would double the cost.
+            estimate = tuple.__new__(
+                AttitudeEstimate,
+                (
+                    *(t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w)),
+                    *(sigma_tilt, _TRUST[trust], sigma_heading),
+                ),
+            )
+            yield tuple.__new__(_Known, (estimate, is_referenced))
 
 
 def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeEstimate | None]]:
@@ -393,7 +397,7 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
     """
     if learnt.errors is None:
         samples = [
-            ImuSample(t_us, _less(w_b, learnt.bias_b), f_b, m_b_ut, clipped)
+            tuple.__new__(ImuSample, (t_us, _less(w_b, learnt.bias_b), f_b, m_b_ut, clipped))
             for t_us, w_b, f_b, m_b_ut, clipped in piece.samples
         ]
         return piece._replace(samples=samples)
@@ -408,7 +412,7 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
         if m_b_ut is not None:
             m_b_ut = _timely(m_b_ut, w_b, errors.field_latency_s)
         f_b = _without_bias(force_b, errors.force_bias_b)
-        samples.append(ImuSample(t_us, w_b, f_b, m_b_ut, clipped))
+        samples.append(tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
     late_us = round(errors.fix_latency_s * 1e6)
     fixes = (fix._replace(t_us=fix.t_us - late_us) for _, fix in piece.fixes)
     return piece._replace(samples=samples, fixes=_placed(fixes, samples))
@@ -499,14 +503,15 @@ def _of_samples(
         if estimate is None:
             yield None
             continue
-        _, q_nb, rate_b, (u, v, w), *others = estimate
+        _, q_nb, rate_b, (u, v, w), innovation_n, sigma_tilt, trust, sigma_heading = estimate
         bias = x, y, z = a + direction * u, b + direction * v, c + direction * w
         p, q, r = sample.w_b
-        w_b = p - x, q - y, r - z
-        if not math.isfinite(sum(map(abs, w_b))):
+        w_b = w_x, w_y, w_z = p - x, q - y, r - z
+        if not math.isfinite(abs(w_x) + abs(w_y) + abs(w_z)):
             p, q, r = rate_b
             w_b = direction * p, direction * q, direction * r
-        yield tuple.__new__(AttitudeEstimate, (sample.t_us, q_nb, w_b, bias, *others))
+        numbers = sample.t_us, q_nb, w_b, bias, innovation_n, sigma_tilt, trust, sigma_heading
+        yield tuple.__new__(AttitudeEstimate, numbers)
 
 
 def _known(estimates: Iterable[AttitudeEstimate | None]) -> Iterator[_Known | None]:
@@ -516,10 +521,11 @@ def _known(estimates: Iterable[AttitudeEstimate | None]) -> Iterator[_Known | No
         if estimate is None:
             yield None
             continue
+        t_us = estimate.t_us
         if int(estimate.trust) & _REFERENCED:
-            at_us = estimate.t_us
-        is_referenced = at_us is not None and abs(estimate.t_us - at_us) < REFERENCED_US
-        yield _Known(estimate, is_referenced)
+            at_us = t_us
+        is_referenced = at_us is not None and abs(t_us - at_us) < REFERENCED_US
+        yield tuple.__new__(_Known, (estimate, is_referenced))
 
 
 def _combined(

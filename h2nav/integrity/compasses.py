@@ -165,7 +165,9 @@ class Compasses:
             north, east, _ = rotate(level.q_nb, field)
             flat = math.hypot(north, east)
             if flat > MIN_LEVEL * math.hypot(*field):
-                compass = self._compasses.setdefault(number, _Compass())
+                compass = self._compasses.get(number)
+                if compass is None:
+                    compass = self._compasses[number] = _Compass()
                 compass.take(t_us, complex(north, east) / flat, field, (fits or {}).get(number))
                 seen.append(number)
         fresh = [n for n in sorted(self._compasses) if self._compasses[n].is_fresh(t_us)]
@@ -248,7 +250,9 @@ class Compasses:
     def _compare(self, t_us: int, one: int, other: int) -> None:
         """Compares two of which a field has just come, in heading and in space."""
         first, second = self._compasses[one], self._compasses[other]
-        both = self._pairs.setdefault((one, other), _Pair())
+        both = self._pairs.get((one, other))
+        if both is None:
+            both = self._pairs[one, other] = _Pair()
         both.turn.take(t_us, first.newest * second.newest.conjugate())
         a, b = first.field_b, second.field_b
         cosine = sum(map(operator.mul, a, b)) / (math.hypot(*a) * math.hypot(*b))

@@ -8,19 +8,32 @@ Equations: docs/integrity.md, section 5.
 """
 
 import math
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from operator import mul
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from h2nav.attitude.native import native_kernels
+from h2nav.integrity import normal_equations
+
+NOTHING = array("d")
+
+
+def _sums() -> Any:
+    """The functions of `normal_equations`, compiled if they are."""
+    native = native_kernels()
+    return native if hasattr(native, "whiten") else normal_equations
 
 
 class HypothesisFit(NamedTuple):
     """The fit of a hypothesis."""
 
-    root: tuple[tuple[float, ...], ...] = ()  # lower triangle, row by row, of I + S A^T A S
-    forward: tuple[float, ...] = ()  # its solution for S A^T z
+    root: "array[float]" = NOTHING  # lower triangle, row by row, of I + S A^T A S
+    forward: "array[float]" = NOTHING  # its solution for S A^T z
     # its logarithm, up to a constant shared by all hypotheses of the same noise
     likelihood: float = 0.0
-    sigmas: tuple[float, ...] = ()  # prior deviations of the unknowns
+    sigmas: "array[float]" = NOTHING  # prior deviations of the unknowns
 
     @property
     def explained(self) -> float:
@@ -29,20 +42,19 @@ class HypothesisFit(NamedTuple):
 
     def unknowns(self) -> list[float]:
         """The most probable ones."""
-        root, found = self.root, [0.0] * len(self.root)
-        for i in reversed(range(len(root))):
-            rest = sum(root[k][i] * found[k] for k in range(i + 1, len(root)))
-            found[i] = (self.forward[i] - rest) / root[i][i]
-        return [sigma * part for sigma, part in zip(self.sigmas, found, strict=True)]
+        found = _numbers(len(self.forward))
+        _sums().unknowns(self.root, self.forward, self.sigmas, found)
+        return found.tolist()
 
     def covariance(self, places: Sequence[int]) -> list[list[float]]:
         """The covariance of some unknowns."""
-        solved = []
+        solved, count = [], len(self.forward)
+        rows = [self.root[i * (i + 1) // 2 :][: i + 1] for i in range(count)]
         for place in places:
-            line = [0.0] * len(self.root)
-            for i in range(place, len(line)):
+            line = [0.0] * count
+            for i in range(place, count):
                 unit = 1.0 if i == place else 0.0
-                line[i] = (unit - dot(self.root[i], line[:i])) / self.root[i][i]
+                line[i] = (unit - dot(rows[i], line[:i])) / rows[i][i]
             solved.append([self.sigmas[place] * part for part in line])
         return [[dot(one, other) for other in solved] for one in solved]
 
@@ -64,117 +76,95 @@ class LinearModel:
         columns: Sequence[Sequence[float]],
         noise: tuple[float, float],
     ) -> None:
-        self._factors = whitening(lengths_s, *noise)
-        self._columns = [self._white(column, 0) for column in columns]
-        self._left = self._white(left, 0)
-        self._products = [
-            [float(sum(map(mul, one, other))) for other in self._columns[: i + 1]]
-            for i, one in enumerate(self._columns)
-        ]
-        self._right = [dot(one, self._left) for one in self._columns]
+        self._sums, self._rows = _sums(), len(lengths_s)
+        factors = whitening(lengths_s, *noise)
+        self._factors = array("d", chain.from_iterable(factors))
+        self._columns = self._white(columns, 0)
+        self._left = self._white([left], 0)
+        self._products = self._crossed(self._columns, self._columns, 0)
+        self._right = self._crossed(self._columns, self._left, 0)
         self.square = dot(self._left, self._left)  # of the residuals
         # logarithm of the likelihood without unknowns, up to a constant
-        self.level = 2.0 * sum(math.log(scale) for scale, _ in self._factors) - 0.5 * self.square
+        self.level = 2.0 * sum(math.log(scale) for scale, _ in factors) - 0.5 * self.square
 
     def fit(self, sigmas: Sequence[float]) -> HypothesisFit:
         """Integrates the unknowns out, given their prior deviations.
 
         Source: docs/integrity.md Eq. (5).
         """
-        root: list[tuple[float, ...]] = []
-        forward: list[float] = []
-        likelihood = 0.0
-        for i, line in enumerate(self._products):
-            scale, row = sigmas[i], _row(line[:i], sigmas, sigmas[i], root)
-            pivot = math.sqrt(1.0 + scale * scale * line[i] - dot(row, row))
-            solved = (scale * self._right[i] - dot(row, forward)) / pivot
-            root.append((*row, pivot))
-            forward.append(solved)
-            likelihood += 0.5 * solved * solved - math.log(pivot)
-        return HypothesisFit(tuple(root), tuple(forward), likelihood, tuple(sigmas))
+        prior, count = array("d", sigmas), len(sigmas)
+        root, forward = _numbers(count * (count + 1) // 2), _numbers(count)
+        likelihood = self._sums.fit(self._products, self._right, prior, root, forward)
+        return HypothesisFit(root, forward, likelihood, prior)
 
     def since(self, begun: int, shapes: Sequence[Sequence[float]]) -> "Since":
         """Further unknowns that begin with a row, by their columns from there on."""
-        white = [self._white(shape, begun) for shape in shapes]
-        known, left = [column[2 * begun :] for column in self._columns], self._left[2 * begun :]
-        crossed = [[float(sum(map(mul, one, other))) for other in known] for one in white]
-        return Since(white, crossed, [dot(one, left) for one in white])
+        white = self._white(shapes, begun)
+        return Since(
+            self._crossed(white, self._columns, begun),
+            self._crossed(white, white, begun, are_short=True),
+            self._crossed(white, self._left, begun),
+        )
 
     def misfits(self, fit: HypothesisFit) -> list[float]:
         """Square of each row's residuals with the most probable unknowns, whitened."""
-        left = self._left
-        for unknown, column in zip(fit.unknowns(), self._columns, strict=True):
+        left, wide = self._left.tolist(), 2 * self._rows
+        for number, unknown in enumerate(fit.unknowns()):
+            column = self._columns[number * wide : (number + 1) * wide]
             left = [z - unknown * x for z, x in zip(left, column, strict=True)]
         return [
             north * north + east * east for north, east in zip(left[::2], left[1::2], strict=True)
         ]
 
-    def _white(self, values: Sequence[float], begun: int) -> list[float]:
-        """North and east in turn, whitened, of values from a row on."""
-        factors = self._factors[begun:]
-        count = len(factors)
-        white = [0.0] * (2 * count)
-        white[::2] = _whitened(values[:count], factors)
-        white[1::2] = _whitened(values[count:], factors)
+    def _white(self, columns: Iterable[Sequence[float]], begun: int) -> "array[float]":
+        """Columns north and east in turn, whitened, of values from a row on."""
+        values = array("d", chain.from_iterable(columns))
+        white = _numbers(len(values))
+        self._sums.whiten(self._factors[2 * begun :], values, white)
         return white
+
+    def _crossed(
+        self, one: "array[float]", other: "array[float]", begun: int, *, are_short: bool = False
+    ) -> "array[float]":
+        """Products of columns from a row on with others, from the first row on or as short."""
+        length = 2 * (self._rows - begun)
+        skipped = 0 if are_short else 2 * begun
+        found = _numbers(len(one) // length * (len(other) // (length + skipped)))
+        self._sums.products(one, other, length, skipped, found)
+        return found
 
 
 class Since:
     """Further unknowns of a model that begin with one of its rows.
 
     Args:
-        white: their whitened columns.
-        crossed: products with the model's own columns.
-        right: products with the residuals.
+        crossed: products of their columns with the model's own columns.
+        own: and with each other.
+        right: and with the residuals.
     """
 
-    def __init__(
-        self, white: list[list[float]], crossed: list[list[float]], right: list[float]
-    ) -> None:
-        self._white, self._crossed, self._right = white, crossed, right
-        self._solved: dict[tuple[int, int], list[float]] = {}
+    def __init__(self, crossed: "array[float]", own: "array[float]", right: "array[float]") -> None:
+        self._sums = _sums()
+        self._further = crossed, own, right
 
     def fit(self, base: HypothesisFit, places: Sequence[int], sigma: float) -> HypothesisFit:
         """Extends a fit of the model's own unknowns by some of these, with one prior deviation.
 
         Source: docs/integrity.md Eq. (5).
         """
-        root, forward, likelihood = list(base.root), list(base.forward), base.likelihood
-        count = len(root)
-        for n, place in enumerate(places):
-            row = [sigma * part for part in self._own(base, place)]
-            for other, line in zip(places[:n], root[count:], strict=False):
-                product = sigma * sigma * dot(self._white[place], self._white[other])
-                row.append((product - dot(row, line)) / line[-1])
-            size = dot(self._white[place], self._white[place])
-            pivot = math.sqrt(1.0 + sigma * sigma * size - dot(row, row))
-            solved = (sigma * self._right[place] - dot(row, forward)) / pivot
-            root.append((*row, pivot))
-            forward.append(solved)
-            likelihood += 0.5 * solved * solved - math.log(pivot)
-        sigmas = (*base.sigmas, *[sigma] * len(places))
-        return HypothesisFit(tuple(root), tuple(forward), likelihood, sigmas)
-
-    def _own(self, base: HypothesisFit, place: int) -> list[float]:
-        """The part of a column that the model's own unknowns explain, in the axes of the root."""
-        found = self._solved.get((id(base), place))
-        if found is None:
-            found = _row(self._crossed[place], base.sigmas, 1.0, base.root)
-            self._solved[id(base), place] = found
-        return found
+        known, count = len(base.forward), len(base.forward) + len(places)
+        root = base.root + _numbers(count * (count + 1) // 2 - len(base.root))
+        forward = base.forward + _numbers(count - known)
+        likelihood = self._sums.extend(
+            (base.sigmas, base.likelihood), self._further, bytes(places), sigma, (root, forward)
+        )
+        sigmas = base.sigmas + array("d", [sigma] * len(places))
+        return HypothesisFit(root, forward, likelihood, sigmas)
 
 
-def _row(
-    products: Sequence[float],
-    sigmas: Sequence[float],
-    scale: float,
-    root: Sequence[tuple[float, ...]],
-) -> list[float]:
-    """Another row of a root, but for its diagonal."""
-    row: list[float] = []
-    for product, sigma, line in zip(products, sigmas, root, strict=False):
-        row.append((scale * product * sigma - sum(map(mul, row, line))) / line[-1])
-    return row
+def _numbers(count: int) -> "array[float]":
+    """Zeros, to be written."""
+    return array("d", bytes(8 * count))
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
@@ -206,11 +196,3 @@ def whitening(
         factors.append((1.0 / scale, share))
         before = scale
     return factors
-
-
-def _whitened(values: Sequence[float], factors: Sequence[tuple[float, float]]) -> list[float]:
-    white, before = [], 0.0
-    for value, (scale, share) in zip(values, factors, strict=True):
-        before = scale * (value - share * before)
-        white.append(before)
-    return white

@@ -145,6 +145,7 @@ class VelocityRows:
         self._last: Mark | None = None
         self._step: tuple[float, float] | None = None
         self._bends: list[tuple[int, float]] = []
+        self._jitter_m_s: float | None = 0.0  # None: to be worked out anew
         self._spacing_s = 1.0  # of the latest two marks
 
     def take(self, mark: Mark, errors: SensorErrors) -> bool:
@@ -169,6 +170,7 @@ class VelocityRows:
             self._forget(self.rows.pop(0))
         while self._bends and self._bends[0][0] < oldest_us:
             del self._bends[0]
+            self._jitter_m_s = None
         return True
 
     def _forget(self, row: VelocityRow) -> None:
@@ -184,6 +186,11 @@ class VelocityRows:
 
         Rare larger ones count, but must not hide a jump of the velocity.
         """
+        if self._jitter_m_s is None:
+            self._jitter_m_s = self._scatter()
+        return self._jitter_m_s
+
+    def _scatter(self) -> float:
         if not self._bends:
             return 0.0
         bends = [bend for _, bend in self._bends]
@@ -213,6 +220,7 @@ class VelocityRows:
             self._bends += [
                 (mark.moment.t_us, abs(b - a)) for a, b in zip(self._step, step, strict=True)
             ]
+            self._jitter_m_s = None
         self._step = step
 
 

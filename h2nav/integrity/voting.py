@@ -79,6 +79,8 @@ class InertialSensor(StrEnum):
     GYRO = "gyro"
     ACCELEROMETER = "accelerometer"
 
+    __hash__ = str.__hash__  # that of an enumeration is Python, and these are keys
+
 
 class _Sheet(NamedTuple):
     """What data sheets allow of one sensor against another, one sigma."""
@@ -505,6 +507,11 @@ class Voting:
         pair = self._pairs.get((part, min(one, other), max(one, other)))
         return pair is None or not pair.is_raised
 
+    @property
+    def has_doubts(self) -> bool:
+        """Whether any two differ, or one is known to be wrong: else there is nothing to decide."""
+        return bool(self._wrong) or any(both.test.is_raised for both in self._pairs.values())
+
     def look(
         self, suspicions: Mapping[int, Suspicion], excluded: Collection[tuple[InertialSensor, int]]
     ) -> dict[int, Vec3]:
@@ -518,8 +525,7 @@ class Voting:
             By how much the zero of a gyro that is heard again has moved, rad/s.
         """
         moved: dict[int, Vec3] = {}
-        apart = [both for both in self._pairs.values() if both.test.is_raised]
-        if not (apart or excluded or self._wrong):
+        if not (excluded or self.has_doubts):
             return moved
         self._verdicts.clear()
         for part in InertialSensor:

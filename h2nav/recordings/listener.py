@@ -55,7 +55,9 @@ class Stretch:
     def samples(self) -> list[ImuSample]:
         """All samples so far, newly created."""
         return [
-            ImuSample(t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
+            tuple.__new__(
+                ImuSample, (t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
+            )
             for _, t_us, p, q, r, x, y, z, a, b, c, known, clipped in _ROW.iter_unpack(self._rows)
         ]
 

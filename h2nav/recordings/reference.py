@@ -4,18 +4,18 @@ SIMSTATE is the simulator's truth without a time stamp; it belongs to the sample
 it. ATTITUDE is the autopilot's own estimate, stamped with its time since boot.
 """
 
-import math
 from array import array
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.maths.attitude_errors import errors, honesty, root_mean_square
-from h2nav.maths.quaternion import to_euler
-from h2nav.maths.rows import Array, from_euler, wrapped
+from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.maths import quaternion
+from h2nav.maths.attitude_errors import AttitudeErrors, errors, honesty, root_mean_square
+from h2nav.maths.rows import Array, from_euler, to_euler, wrapped
 from h2nav.recordings.frame_tables import FrameTable
 from h2nav.wire import codec
 from h2nav.wire.attitude import ReportedAttitude
@@ -26,34 +26,6 @@ SIMSTATE = mavlink.MAVLINK_MSG_ID_SIMSTATE
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 # An estimate and a reference further apart do not belong together.
 FARTHEST_US = 20_000
-
-
-class EulerRecord(Protocol):
-    """The common fields of records of estimates."""
-
-    @property
-    def t_us(self) -> int:
-        """Autopilot time."""
-
-    @property
-    def roll_deg(self) -> float:
-        """Euler angle of the z-y-x sequence."""
-
-    @property
-    def pitch_deg(self) -> float:
-        """The same."""
-
-    @property
-    def yaw_deg(self) -> float:
-        """The same."""
-
-    @property
-    def sigma_tilt_deg(self) -> float:
-        """Predicted one-sigma tilt error; NaN without."""
-
-    @property
-    def sigma_heading_deg(self) -> float:
-        """Predicted one-sigma heading error; NaN without."""
 
 
 class ErrorTable(NamedTuple):
@@ -108,30 +80,45 @@ class TimedAttitudes:
 
 
 class TimedEstimates:
-    """Estimates with their times of arrival."""
+    """Estimates with their times of arrival; their angles are worked out at the end."""
 
     def __init__(self) -> None:
-        self._attitudes = TimedAttitudes()  # by arrival
-        self._boot_us = array("q")  # of the same
-        self._sigmas = array("d")
+        self._arrived_us, self._boot_us = array("q"), array("q")
+        self._numbers = array("d")  # of each: attitude, both deviations
 
-    def add(self, t_ns: int, record: EulerRecord) -> None:
+    def add(self, t_ns: int, estimate: AttitudeEstimate) -> None:
         """Adds an estimate of a sample that arrived at this host time."""
-        angles = (record.roll_deg, record.pitch_deg, record.yaw_deg)
-        roll, pitch, yaw = map(math.radians, angles)
-        self._attitudes.add(t_ns // 1000, roll, pitch, yaw)
-        self._boot_us.append(record.t_us)
-        self._sigmas.extend((record.sigma_tilt_deg, record.sigma_heading_deg))
+        self._arrived_us.append(t_ns // 1000)
+        self._boot_us.append(estimate.t_us)
+        self._numbers.extend(estimate.q_nb)
+        self._numbers.extend((estimate.sigma_tilt_rad, estimate.sigma_heading_rad))
+
+    def times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(N,) times of arrival, us, and (N,) autopilot times, us."""
+        return np.array(self._arrived_us), np.array(self._boot_us)
+
+    def angles(self, rows: NDArray[np.int64]) -> Array:
+        """(M, 3) roll, pitch, yaw, rad, of some."""
+        # By way of degrees, as records have them.
+        degrees = np.degrees(to_euler(self._rows[rows, :4]))
+        return np.radians(degrees)
+
+    def sigmas_deg(self, rows: NDArray[np.int64]) -> Array:
+        """(M, 2) predicted deviations of tilt and heading of some."""
+        found: Array = np.degrees(self._rows[rows, 4:])
+        return found
 
     @property
-    def sigmas_deg(self) -> Array:
-        """(N, 2) predicted deviations of tilt and heading."""
-        return np.array(self._sigmas).reshape(-1, 2)
+    def _rows(self) -> Array:
+        return np.array(self._numbers).reshape(-1, 6)
 
-    def arrays(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-        """(N,) times of arrival, us, (N,) autopilot times, us, (N, 3) roll, pitch, yaw, rad."""
-        arrived_us, angles = self._attitudes.arrays()
-        return arrived_us, np.array(self._boot_us), angles
+
+class _Compared(NamedTuple):
+    """Estimates beside their references."""
+
+    pairs: Pairs
+    ours: Array  # (M, 3) roll, pitch, yaw, rad
+    errors: AttitudeErrors
 
 
 class Reference:
@@ -147,9 +134,11 @@ class Reference:
         self._estimates = TimedEstimates()
         self._truth = TimedAttitudes()
         self._autopilot = TimedAttitudes()
+        self._compared: _Compared | None = None  # all there is, once asked for
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """Adds the attitude in a frame of `message_ids`."""
+        self._compared = None
         if frame.msg_id == SIMSTATE:
             fields: Any = codec.decode(frame)
             self._truth.add(t_ns // 1000, fields.roll, fields.pitch, fields.yaw)
@@ -160,6 +149,7 @@ class Reference:
 
     def tables(self, found: Mapping[int, FrameTable]) -> None:
         """Adds the attitudes of a whole recording, by tables of `message_ids`."""
+        self._compared = None
         truth, autopilot = found[SIMSTATE], found[ATTITUDE]
         self._truth.extend(truth.t_ns // 1000, truth.fields)
         of_autopilot = autopilot.senders[:, 1] == mavlink.MAV_COMP_ID_AUTOPILOT1
@@ -169,11 +159,13 @@ class Reference:
     def message(self, message: Message) -> None:
         """Adds the attitude in an event of an autopilot's own log."""
         if isinstance(message, ReportedAttitude) and message.time_ms is not None:
-            self._autopilot.add(message.time_ms * 1000, *to_euler(message.q_nb))
+            self._compared = None
+            self._autopilot.add(message.time_ms * 1000, *quaternion.to_euler(message.q_nb))
 
-    def estimate(self, t_ns: int, record: EulerRecord) -> None:
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate) -> None:
         """Adds an estimate."""
-        self._estimates.add(t_ns, record)
+        self._compared = None
+        self._estimates.add(t_ns, estimate)
 
     def table(self, skip_s: float = 0.0, estimates: TimedEstimates | None = None) -> ErrorTable:
         """The errors against SIMSTATE, otherwise ATTITUDE.
@@ -182,27 +174,36 @@ class Reference:
             skip_s: length of the beginning that is not scored.
             estimates: to compare instead of the added ones.
         """
-        arrived_us, boot_us, angles = (estimates or self._estimates).arrays()
-        pairs = self.pairs(arrived_us, boot_us, skip_s)
-        if not len(pairs.rows):
+        found = self._compare(estimates or self._estimates, skip_s)
+        if not len(found.pairs.rows):
             return ErrorTable("", 0)
-        return _table(pairs.reference, angles[pairs.rows], pairs.angles)
+        return _table(found)
 
     def honesty(self) -> dict[str, float | None]:
         """Consistency of the predicted deviations with the simulator's truth; None without it.
 
         Keys: see `h2nav.maths.attitude_errors.honesty`, of tilt and heading.
         """
-        arrived_us, boot_us, angles = self._estimates.arrays()
-        pairs = self.pairs(arrived_us, boot_us)
-        rows, sigmas = pairs.rows, self._estimates.sigmas_deg
-        if pairs.reference != "SIMSTATE":
-            rows, pairs = rows[:0], pairs._replace(angles=pairs.angles[:0])
-        mask = np.ones(len(rows), dtype=bool)
-        found = errors(from_euler(angles[rows]), from_euler(pairs.angles), mask, True)
-        return honesty("tilt", found.inclination, sigmas[rows, 0]) | honesty(
-            "heading", found.heading, sigmas[rows, 1]
+        found = self._compare(self._estimates, 0.0)
+        is_true = found.pairs.reference == "SIMSTATE"
+        sigmas = self._estimates.sigmas_deg(found.pairs.rows)
+        count = len(sigmas) if is_true else 0
+        return honesty("tilt", found.errors.inclination[:count], sigmas[:count, 0]) | honesty(
+            "heading", found.errors.heading[:count], sigmas[:count, 1]
         )
+
+    def _compare(self, estimates: TimedEstimates, skip_s: float) -> _Compared:
+        """Estimates with their errors; of our own, all of them, remembered."""
+        is_whole = estimates is self._estimates and skip_s == 0.0
+        if is_whole and self._compared is not None:
+            return self._compared
+        pairs = self.pairs(*estimates.times(), skip_s)
+        ours, mask = estimates.angles(pairs.rows), np.ones(len(pairs.rows), dtype=bool)
+        found = errors(from_euler(ours), from_euler(pairs.angles), mask, True)
+        compared = _Compared(pairs, ours, found)
+        if is_whole:
+            self._compared = compared
+        return compared
 
     def pairs(
         self, arrived_us: NDArray[np.int64], boot_us: NDArray[np.int64], skip_s: float = 0.0
@@ -239,7 +240,7 @@ def _nearest(at_us: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.in
     return np.where(is_near, order[nearest], -1)
 
 
-def _table(name: str, ours: Array, truth: Array) -> ErrorTable:
-    found = errors(from_euler(ours), from_euler(truth), np.ones(len(ours), dtype=bool), True)
+def _table(compared: _Compared) -> ErrorTable:
+    (name, rows, truth), ours, found = compared
     columns = (*np.degrees(wrapped(ours - truth)).T, found.inclination, found.total)
-    return ErrorTable(name, len(ours), *map(root_mean_square, columns))
+    return ErrorTable(name, len(rows), *map(root_mean_square, columns))

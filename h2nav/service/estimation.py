@@ -285,18 +285,19 @@ class Estimation:
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
         """Takes a reading of the bound autopilot for which `on_arrival` was True."""
         self._note_arrival(t_ns)
-        incoming = Incoming(t_ns, message_id, reading, self._newest if self._has_sent else None)
+        newest_sent = self._newest if self._has_sent else None
+        incoming = tuple.__new__(Incoming, (t_ns, message_id, reading, newest_sent))
         steps: list[tuple[Lane, Step]] = []
         is_accused = False
         for lane, need in self._takers(t_ns, message_id):
-            before = lane.newest
+            before, message = lane.newest, lane.imu_message
             step = lane.take(incoming, need)
             newest = lane.newest
             if self._are_several and newest is not None and newest is not before:
                 self._voting.take(lane.imu, newest)
                 self._find_twins(t_ns, lane)
             if step.sample is None:
-                if need is not Need.FIELD:
+                if need is Need.SAMPLE or lane.imu_message is not message:
                     self._routes.clear()  # another message may have to feed the lane
                 is_accused |= step.is_accused
                 continue
@@ -393,7 +394,7 @@ class Estimation:
         self._has_sent |= filtered is not None
         self.used += 1
         estimate = None if filtered is None else lane.lead(filtered)
-        return SentSample(sample, estimate, filtered, event, switched)
+        return tuple.__new__(SentSample, (sample, estimate, filtered, event, switched, False))
 
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; returns the text of a switch."""
@@ -417,10 +418,11 @@ class Estimation:
     def _vote(self) -> None:
         """Compares the sensors of all lanes."""
         lanes = {lane.imu: lane for lane in self._lanes if lane.newest is not None}
-        suspicions = {imu: lane.suspicion for imu, lane in lanes.items()}
         frozen = {(part, imu) for imu, lane in lanes.items() for part in lane.frozen_parts()}
-        for imu, moved in self._voting.look(suspicions, frozen).items():
-            lanes[imu].use_moved_zero(moved)
+        if frozen or self._voting.has_doubts:
+            suspicions = {imu: lane.suspicion for imu, lane in lanes.items()}
+            for imu, moved in self._voting.look(suspicions, frozen).items():
+                lanes[imu].use_moved_zero(moved)
         for imu, lane in lanes.items():
             lane.use_votes(self._voting.verdict(imu))
 

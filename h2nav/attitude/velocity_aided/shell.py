@@ -112,7 +112,7 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
             return self._standing(t_us, memory.SATURATED) if self._aligned else None
         if before_us is None or t_us - before_us > LONGEST_GAP_US or not self._aligned:
             return self._begin(sample)
-        fix = self._take_fix(t_us) if aiding.waits else None
+        fix = self._take_fix(t_us) if aiding.waiting is not None else None
         bits = self._advance(sample, t_us - before_us, t_us < aiding.aided_until_us, fix)
         self._t_us = t_us
         if self._air is not None:

@@ -41,6 +41,9 @@ class VelocityAiding:
     """Stores fixes and a filter's past, so that each fix is used at its own time.
 
     "Gained" is the velocity that the filter has integrated since aiding began, in its own unit.
+
+    Attributes:
+        waiting: the fix for the next sample; None without one.
     """
 
     def __init__(self) -> None:
@@ -49,7 +52,7 @@ class VelocityAiding:
         self._period_s = 0.0
         # good fixes have been frequent enough for samples before this time
         self.aided_until_us = -math.inf
-        self._waiting: VelocityFix | None = None
+        self.waiting: VelocityFix | None = None
         # (time, velocity gained north, east)
         self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
 
@@ -59,7 +62,7 @@ class VelocityAiding:
         self._fix_us = 0.0
         self._period_s = 0.0
         self.aided_until_us = -math.inf
-        self._waiting = None
+        self.waiting = None
         self._past.clear()
 
     def offer(self, fix: VelocityFix, now_us: int) -> bool:
@@ -78,7 +81,7 @@ class VelocityAiding:
         self._fixes = min(self._fixes + 1, FIXES_TO_START)
         self._period_s = min(gap_s, LOST_S)
         self._fix_us = float(fix.t_us)
-        self._waiting = fix
+        self.waiting = fix
         self._follow_fixes()
         return True
 
@@ -86,14 +89,9 @@ class VelocityAiding:
         is_steady = self._fixes >= FIXES_TO_START
         self.aided_until_us = self._fix_us + LOST_S * 1e6 if is_steady else -math.inf
 
-    @property
-    def waits(self) -> bool:
-        """Whether a fix is pending for the next sample."""
-        return self._waiting is not None
-
     def is_idle(self, t_us: int) -> bool:
         """Whether no fix is pending and none holds the filter."""
-        return self._waiting is None and not t_us < self.aided_until_us
+        return self.waiting is None and not t_us < self.aided_until_us
 
     def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
         """Returns the pending fix, once; None without one or with aiding off.
@@ -102,10 +100,10 @@ class VelocityAiding:
             t_us: time of the sample that it is used with.
             gained: velocity gained up to the previous sample.
         """
-        fix = self._waiting
+        fix = self.waiting
         if fix is None:
             return None
-        self._waiting = None
+        self.waiting = None
         if not t_us < self.aided_until_us:
             return None
         earlier = tuple([self._gained(fix.t_us - back * 1e6, gained) for back in LATENCIES_S])
@@ -130,7 +128,7 @@ class VelocityAiding:
 
     def values(self) -> tuple[float, ...]:
         """The complete state, as flat numbers."""
-        fix = self._waiting
+        fix = self.waiting
         waiting = () if fix is None else (fix.t_us, *fix.v_n, fix.sigma_m_s, float(fix.independent))
         past = (number for row in self._past for number in row)
         return (self._fixes, self._fix_us, self._period_s, len(waiting), *waiting, *past)
@@ -143,7 +141,7 @@ class VelocityAiding:
         if past > 4:
             t_us, north, east, down, sigma, independent = values[4:past]
             fix = VelocityFix(int(t_us), (north, east, down), sigma, independent > 0.0)
-            self._waiting = fix
+            self.waiting = fix
         self._follow_fixes()
         for i in range(past, len(values), 3):
             self._past.append((values[i], values[i + 1], values[i + 2]))

@@ -1,0 +1,197 @@
+/* The arithmetic of integrity/normal_equations.py, which says what each function does. Sums are
+ * added in the order in which Python adds them, so that the bits are the same. All buffers hold
+ * doubles; triangles are packed, row by row. */
+#include "likelihood.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { MAX_BUFFERS = 7, MAX_COLUMNS = 64 };
+
+static size_t numbers(const Py_buffer *buffer)
+{
+    return (size_t)buffer->len / sizeof(double);
+}
+
+static PyObject *released(Py_buffer *buffers, int count, int fits, double result)
+{
+    for (int i = 0; i < count; i++) {
+        PyBuffer_Release(&buffers[i]);
+    }
+    if (!fits) {
+        PyErr_SetString(PyExc_ValueError, "the sizes of the buffers do not fit together");
+        return NULL;
+    }
+    return PyFloat_FromDouble(result);
+}
+
+static double dot(const double *a, const double *b, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+static const double *row_of(const double *root, size_t number)
+{
+    return root + number * (number + 1) / 2;
+}
+
+/* Another row of a root, but for its diagonal. */
+static void next_row(const double *products, const double *sigmas, double scale,
+                     const double *root, size_t count, double *row)
+{
+    for (size_t i = 0; i < count; i++) {
+        const double *line = row_of(root, i);
+        row[i] = (scale * products[i] * sigmas[i] - dot(row, line, i)) / line[i];
+    }
+}
+
+PyObject *likelihood_whiten(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*w*", &b[0], &b[1], &b[2])) {
+        return NULL;
+    }
+    const size_t wide = numbers(&b[0]), all = numbers(&b[1]), count = wide / 2;
+    const int fits = wide > 0 && wide % 2 == 0 && all % wide == 0 && all == numbers(&b[2]);
+    if (fits) {
+        const double *factors = b[0].buf, *value = b[1].buf;
+        double *white = b[2].buf;
+        for (size_t at = 0; at < all; at += wide) {
+            for (size_t axis = 0; axis < 2; axis++) {
+                double before = 0.0;
+                for (size_t i = 0; i < count; i++) {
+                    const double *factor = factors + 2 * i;
+                    before = factor[0] * (*value++ - factor[1] * before);
+                    white[at + 2 * i + axis] = before;
+                }
+            }
+        }
+    }
+    return released(b, 3, fits, 0.0);
+}
+
+PyObject *likelihood_products(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    Py_ssize_t length = 0, skipped = 0;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*nnw*", &b[0], &b[1], &length, &skipped, &b[2])) {
+        return NULL;
+    }
+    const size_t of_one = numbers(&b[0]), of_other = numbers(&b[1]);
+    const size_t wide = (size_t)length + (size_t)skipped;
+    const int fits = length > 0 && skipped >= 0 && of_one % (size_t)length == 0 &&
+                     of_other % wide == 0 &&
+                     of_one / (size_t)length * (of_other / wide) == numbers(&b[2]);
+    if (fits) {
+        const double *one = b[0].buf, *other = b[1].buf;
+        double *found = b[2].buf;
+        for (size_t i = 0; i < of_one; i += (size_t)length) {
+            for (size_t j = (size_t)skipped; j < of_other; j += wide) {
+                *found++ = dot(one + i, other + j, (size_t)length);
+            }
+        }
+    }
+    return released(b, 3, fits, 0.0);
+}
+
+PyObject *likelihood_fit(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    double likelihood = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*y*w*w*", &b[0], &b[1], &b[2], &b[3], &b[4])) {
+        return NULL;
+    }
+    const size_t count = numbers(&b[2]);
+    const int fits = numbers(&b[0]) == count * count && numbers(&b[1]) == count &&
+                     numbers(&b[3]) == count * (count + 1) / 2 && numbers(&b[4]) == count;
+    if (fits) {
+        const double *products = b[0].buf, *right = b[1].buf, *sigmas = b[2].buf;
+        double *root = b[3].buf, *forward = b[4].buf;
+        for (size_t i = 0; i < count; i++) {
+            const double *line = products + i * count, scale = sigmas[i];
+            double *row = root + i * (i + 1) / 2;
+            next_row(line, sigmas, scale, root, i, row);
+            const double pivot = sqrt(1.0 + scale * scale * line[i] - dot(row, row, i));
+            const double solved = (scale * right[i] - dot(row, forward, i)) / pivot;
+            row[i] = pivot;
+            forward[i] = solved;
+            likelihood += 0.5 * solved * solved - log(pivot);
+        }
+    }
+    return released(b, 5, fits, likelihood);
+}
+
+PyObject *likelihood_extend(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    double sigma = 0.0, likelihood = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "(y*d)(y*y*y*)y*d(w*w*)", &b[0], &likelihood, &b[1], &b[2],
+                          &b[3], &b[4], &sigma, &b[5], &b[6])) {
+        return NULL;
+    }
+    const size_t known = numbers(&b[0]), shapes = numbers(&b[3]), more = (size_t)b[4].len;
+    const size_t all = known + more;
+    const unsigned char *places = b[4].buf;
+    int fits = numbers(&b[1]) == shapes * known && numbers(&b[2]) == shapes * shapes &&
+               numbers(&b[5]) == all * (all + 1) / 2 && numbers(&b[6]) == all;
+    for (size_t n = 0; n < more; n++) {
+        fits = fits && places[n] < shapes;
+    }
+    if (fits) {
+        const double *sigmas = b[0].buf, *crossed = b[1].buf, *own = b[2].buf, *right = b[3].buf;
+        double *root = b[5].buf, *forward = b[6].buf;
+        for (size_t n = 0; n < more; n++) {
+            const size_t place = places[n], end = known + n;
+            double *row = root + end * (end + 1) / 2;
+            next_row(crossed + place * known, sigmas, 1.0, root, known, row);
+            for (size_t i = 0; i < known; i++) {
+                row[i] = sigma * row[i];
+            }
+            for (size_t i = known; i < end; i++) {
+                const double *line = row_of(root, i);
+                const double product = sigma * sigma * own[place * shapes + places[i - known]];
+                row[i] = (product - dot(row, line, i)) / line[i];
+            }
+            const double size = own[place * shapes + place];
+            const double pivot = sqrt(1.0 + sigma * sigma * size - dot(row, row, end));
+            const double solved = (sigma * right[place] - dot(row, forward, end)) / pivot;
+            row[end] = pivot;
+            forward[end] = solved;
+            likelihood += 0.5 * solved * solved - log(pivot);
+        }
+    }
+    return released(b, 7, fits, likelihood);
+}
+
+PyObject *likelihood_unknowns(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*y*w*", &b[0], &b[1], &b[2], &b[3])) {
+        return NULL;
+    }
+    const size_t count = numbers(&b[1]);
+    const int fits = count <= MAX_COLUMNS && numbers(&b[0]) == count * (count + 1) / 2 &&
+                     numbers(&b[2]) == count && numbers(&b[3]) == count;
+    if (fits) {
+        const double *root = b[0].buf, *forward = b[1].buf, *sigmas = b[2].buf;
+        double *found = b[3].buf, solved[MAX_COLUMNS];
+        for (size_t i = count; i-- > 0;) {
+            double rest = 0.0;
+            for (size_t k = i + 1; k < count; k++) {
+                rest += row_of(root, k)[i] * solved[k];
+            }
+            solved[i] = (forward[i] - rest) / row_of(root, i)[i];
+            found[i] = sigmas[i] * solved[i];
+        }
+    }
+    return released(b, 4, fits, 0.0);
+}
