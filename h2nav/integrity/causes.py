@@ -203,6 +203,7 @@ class _Comparison:
         self._force_density, self._shaken = window.force_density, window.shaken_density
         self._columns, self._sound = window.columns, window.sigmas
         self._model = window.with_noise(window.force_density)
+        self._moves: dict[int, tuple[float, float]] = {}  # since a row
 
     def explained(self) -> Explained:
         """The result."""
@@ -218,7 +219,7 @@ class _Comparison:
         for begun in self._onsets():
             variants += self._from_row(begun, bases)
         jumps = [one for row in self._jumps(none) for one in self._jump(row, bases)]
-        variants = [one._replace(motion=self._motion(one)) for one in variants] + jumps
+        variants = [_Variant(*one[:-1], self._motion(one)) for one in variants] + jumps
         odds: dict[Cause, float] = {
             cause: mean([one.likelihood for one in variants if one.cause is cause])
             for cause in Cause
@@ -296,25 +297,32 @@ class _Comparison:
         of both has changed with the fault, and a fault does not wait for a manoeuvre that hides it.
         Only the difference counts.
         """
-        left, count = self._columns.left, len(self._rows)
         if one.cause in (Cause.HEADING, Cause.ATTITUDE):
-            sine, cosine = one.fit.unknowns()[HEADING], 1.0 - one.fit.unknowns()[-1]
+            found = one.fit.unknowns()
+            sine, cosine = found[HEADING], 1.0 - found[-1]
             size = (sine * sine + cosine * cosine - 1.0) / SAME_SIZE
             return -0.5 * size * size
+        moves = self._moves.get(one.begun)
+        if moves is None:
+            moves = self._moves[one.begun] = self._moves_since(one.begun)
+        return moves[1 if one.cause is Cause.VELOCITY else 0] - max(moves)
+
+    def _moves_since(self, begun: int) -> tuple[float, float]:
+        """Logarithms of how likely the acceleration is since a row, by velocity and by force."""
+        left, count = self._columns.left, len(self._rows)
         measured, felt = [0.0, 0.0], [0.0, 0.0]
-        for i in range(one.begun, count):
+        for i in range(begun, count):
             begun_n, ended_n = self._rows[i].begun.v_n, self._rows[i].ended.v_n
             for axis in (0, 1):
                 change = ended_n[axis] - begun_n[axis]
                 measured[axis] += change
                 felt[axis] += change - left[i + axis * count]
-        usual = self._known.usual_m_s2 * sum(self._window.lengths_s[one.begun :])
+        usual = self._known.usual_m_s2 * sum(self._window.lengths_s[begun:])
         by_velocity, by_force = (
             -0.5 * (TAILS + 2.0) * math.log1p((x * x + y * y) / (TAILS * usual * usual))
             for x, y in (measured, felt)
         )
-        own = by_force if one.cause is Cause.VELOCITY else by_velocity
-        return own - max(by_velocity, by_force)
+        return by_velocity, by_force
 
     def _is_beyond_receiver(self, cause: Cause) -> bool:
         """Whether delay and antenna, unknown and together more than either, are not the cause.

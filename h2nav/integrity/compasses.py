@@ -212,6 +212,8 @@ class Compasses:
     def doubt_rad(self, number: int) -> float:
         """Deviation of a heading by this compass: half of its difference to the others."""
         raised = [pair for pair, both in self._pairs.items() if both.test.is_raised]
+        if not raised:
+            return 0.0
         doubted = [pair for pair in raised if number in pair]
         if number not in self.wrong:
             doubted = [pair for pair in doubted if pair in self._open]

@@ -234,22 +234,19 @@ class Monitor:
             # The result of its windows is known already.
             self.restart()
         else:
-            self._follow(t_us, force, estimate)
+            bits, trust = self._strapdown.add(t_us, estimate), int(estimate.trust)
+            if not trust & CONVERGED:
+                self._unsettled_us = t_us
+            if trust & FIELD_USED:
+                self._field_used_us = t_us
+            if self.field_is_frozen:
+                self._field.restart()
+                self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
+            if bits & ~KEPT:
+                self._end_windows(t_us, bits, force)
+        if self._tilt_rad == 0.0 and self._drift_tilt_rad == 0.0 and self._heading_rad == 0.0:
+            return estimate
         return self.opened(estimate)
-
-    def _follow(self, t_us: int, force: Vec3, estimate: AttitudeEstimate) -> None:
-        """Continues the windows."""
-        bits = self._strapdown.add(t_us, estimate)
-        trust = int(estimate.trust)
-        if not trust & CONVERGED:
-            self._unsettled_us = t_us
-        if trust & FIELD_USED:
-            self._field_used_us = t_us
-        if self.field_is_frozen:
-            self._field.restart()
-            self._tests["turn"], self._tests["field"] = Lasting(), Lasting()
-        if bits & ~KEPT:
-            self._end_windows(t_us, bits, force)
 
     def _end_windows(self, t_us: int, bits: int, force: Vec3) -> None:
         """Evaluates the windows completed by a sample."""

@@ -25,6 +25,7 @@ AHEAD_US = 300_000
 # For an attitude without predicted deviations.
 ASSUMED_TILT_RAD = 2.0 * DEG
 ASSUMED_HEADING_RAD = 5.0 * DEG
+NO_RATE: Vec3 = (0.0, 0.0, 0.0)
 _GAINED = slice(4, 7)
 _REMEMBERED = ("q_sb", "gained_s", "path_rad", "turn_variance", "gained_variance")
 
@@ -122,12 +123,11 @@ class Strapdown:
         share = min((t_us - before.t_us) / span_us, 1.0) if span_us > 0 else 0.0
         a, b = before.numbers[_GAINED], after.numbers[_GAINED]
         gained = tuple(x + share * (y - x) for x, y in zip(a, b, strict=True))
-        moment = _moment(before, t_us, gained)
-        return moment._replace(rate_b=_rate(before, after)) if span_us > 0 else moment
+        return _moment(before, t_us, gained, _rate(before, after) if span_us > 0 else NO_RATE)
 
 
-def _moment(kept: _Kept, t_us: int, gained: Iterable[float]) -> Moment:
-    """A stored moment, advanced to a time with the integral until then."""
+def _moment(kept: _Kept, t_us: int, gained: Iterable[float], rate_b: Vec3 = NO_RATE) -> Moment:
+    """A stored moment, advanced to a time with the integral until then, turning at this rate."""
     w, x, y, z, _, _, _, path_rad, turn_variance, gained_variance = kept.numbers[:10]
     q_w, q_x, q_y, q_z, sigma_tilt_rad, sigma_heading_rad, *bias = kept.numbers[10:]
     (north, east, down), (p, q, r) = gained, bias
@@ -142,6 +142,7 @@ def _moment(kept: _Kept, t_us: int, gained: Iterable[float]) -> Moment:
         gained_variance,
         (w, x, y, z),
         (p, q, r),
+        rate_b,
     )
 
 

@@ -12,7 +12,7 @@ import math
 import statistics
 from array import array
 from collections.abc import Iterable, Sequence
-from operator import mul
+from operator import add, mul
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorErrors, Vec3
@@ -99,27 +99,21 @@ class _OpenRow:
         axes = _axes(a.q_sb, angle)
         used = NOTHING
         for j, axis in enumerate(axes):
-            self._add(TURNED + j, -dt_s, axis)
-            self._add(TURNED + 3 + j, -angle[j], axis)
             used = plus(used, -0.5 * dt_s * (a.bias_b[j] + b.bias_b[j]), axis)
-        self._add(TURNED + USED, 1.0, used)
-        turned = _vectors(self._integrals)[TURNED:BENT]
-        for j, turn_s in enumerate(turned):
-            self._add(BENT + j, 1.0, cross(turn_s, force))
-        for j, axis in enumerate(axes[:2]):
-            self._add(PUSHED + j, -dt_s, axis)
-        self._add(GAINED, 1.0, force)
+        pushed = [-dt_s * part for axis in axes for part in axis]
+        scaled = [-part * along for part, axis in zip(angle, axes, strict=True) for along in axis]
+        own, turned_from, bent_from = self._integrals, 3 * TURNED, 3 * BENT
+        turned = [*map(add, own[turned_from:bent_from], (*pushed, *scaled, *used))]
+        bent = [part for turn_s in _vectors(turned) for part in cross(turn_s, force)]
+        more = (*bent, *pushed[:6])
+        self._integrals = array(
+            "d", (*map(add, own[:turned_from], force), *turned, *map(add, own[bent_from:], more))
+        )
         self._length_s += dt_s
         if self._length_s < ROW_S:
             return None
         ends = self.begun, mark, self.errors, self._length_s
         return VelocityRow(*ends, self.jerk_n, jerk_n, self._integrals)
-
-    def _add(self, place: int, size: float, vector: Vec3) -> None:
-        integrals, i = self._integrals, 3 * place
-        integrals[i] += size * vector[0]
-        integrals[i + 1] += size * vector[1]
-        integrals[i + 2] += size * vector[2]
 
 
 class VelocityRows:

@@ -163,24 +163,20 @@ class _Imu:
     """Collects the windows of one IMU."""
 
     def __init__(self) -> None:
-        self._number: int | None = None
-        self._samples: list[ImuSample] = []  # of the present window
+        self.number: int | None = None  # of the present window
+        self.samples: list[ImuSample] = []  # of the same
         self.closed: _Window | None = None
 
-    def take(self, sample: ImuSample) -> bool:
-        """Takes a sample; returns whether it has closed a window."""
-        number = sample.t_us // VOTING_WINDOW_US
-        if number == self._number:
-            self._samples.append(sample)
-            return False
+    def begin(self, number: int, sample: ImuSample) -> bool:
+        """Begins a window with a sample; returns whether the one before can be compared."""
         has_closed = self._close()
-        self._number, self._samples = number, [sample]
+        self.number, self.samples = number, [sample]
         return has_closed
 
     def _close(self) -> bool:
-        if self._number is None or len(self._samples) < MIN_SAMPLES:
+        if self.number is None or len(self.samples) < MIN_SAMPLES:
             return False
-        times_us, rates, forces, _, clipped = zip(*self._samples, strict=True)
+        times_us, rates, forces, _, clipped = zip(*self.samples, strict=True)
         if any(clipped):
             return False
         samples = len(times_us)
@@ -188,7 +184,7 @@ class _Imu:
             InertialSensor.GYRO: _mean_of(rates),
             InertialSensor.ACCELEROMETER: _mean_of(forces),
         }
-        self.closed = _Window(self._number, sum(times_us) / samples, samples, means)
+        self.closed = _Window(self.number, sum(times_us) / samples, samples, means)
         return True
 
 
@@ -483,15 +479,19 @@ class Voting:
         mine = self._imus.get(imu)
         if mine is None:
             mine = self._imus[imu] = _Imu()
-        if not mine.take(sample):
+        number = sample.t_us // VOTING_WINDOW_US
+        if number == mine.number:
+            mine.samples.append(sample)
+            return
+        if not mine.begin(number, sample):
             return
         self._t_us = sample.t_us
         self._verdicts.clear()
         assert mine.closed is not None
-        for number, other in self._imus.items():
-            if number != imu and other.closed and other.closed.number == mine.closed.number:
-                ordered = (mine, other) if imu < number else (other, mine)
-                self._compare(sample.t_us, min(imu, number), max(imu, number), *ordered)
+        for another, other in self._imus.items():
+            if another != imu and other.closed and other.closed.number == mine.closed.number:
+                ordered = (mine, other) if imu < another else (other, mine)
+                self._compare(sample.t_us, min(imu, another), max(imu, another), *ordered)
 
     def _compare(self, t_us: int, i: int, j: int, one: _Imu, other: _Imu) -> None:
         assert one.closed is not None

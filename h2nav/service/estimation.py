@@ -81,6 +81,8 @@ class Estimation:
 
     Attributes:
         used: number of samples of the lanes that were sent.
+        routes: by message id, until when (host ns) a decision holds if nothing happens, and who
+            takes it.
     """
 
     def __init__(
@@ -103,8 +105,7 @@ class Estimation:
         self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
-        # by message id: who takes it, and until when (host ns) that holds if nothing happens
-        self._routes: dict[int, tuple[int, Takers]] = {}
+        self.routes: dict[int, tuple[int, Takers]] = {}
         self._rejected: Counter[str] = Counter()
         self.used = 0
 
@@ -133,7 +134,7 @@ class Estimation:
         self._epoch_ns = None
         self._begin_epoch()
         self._compasses = Compasses(self._field)
-        self._routes.clear()
+        self.routes.clear()
         for lane in self._lanes:
             if self._field is not None:
                 lane.use_field(self._field)
@@ -264,7 +265,7 @@ class Estimation:
 
     def on_arrival(self, t_ns: int, message_id: int) -> bool:
         """Ends rests that are over; returns whether any lane needs this message."""
-        route = self._routes.get(message_id)
+        route = self.routes.get(message_id)
         if route is not None and t_ns < route[0]:
             return bool(route[1])
         for lane in self._lanes:
@@ -273,32 +274,38 @@ class Estimation:
 
     def _takers(self, t_ns: int, message_id: int) -> Takers:
         """Who needs a message, decided before it is decoded."""
-        route = self._routes.get(message_id)
+        route = self.routes.get(message_id)
         if route is not None and t_ns < route[0]:
             return route[1]
         needs = [(lane, lane.need(t_ns, message_id)) for lane in self._lanes]
         takers = tuple(taker for taker in needs if taker[1])
         until_ns = min([lane.needs_until_ns(message_id, need) for lane, need in needs])
-        self._routes[message_id] = until_ns, takers
+        self.routes[message_id] = until_ns, takers
         return takers
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
         """Takes a reading of the bound autopilot for which `on_arrival` was True."""
-        self._note_arrival(t_ns)
+        if self._first_ns is None or t_ns - self._heard_ns > SILENT_NS:
+            self._hear_again(t_ns)
+        self._heard_ns = t_ns
         newest_sent = self._newest if self._has_sent else None
         incoming = tuple.__new__(Incoming, (t_ns, message_id, reading, newest_sent))
         steps: list[tuple[Lane, Step]] = []
         is_accused = False
-        for lane, need in self._takers(t_ns, message_id):
-            before, message = lane.newest, lane.imu_message
+        route = self.routes.get(message_id)
+        takers = route[1] if route and t_ns < route[0] else self._takers(t_ns, message_id)
+        for lane, need in takers:
+            before = lane.newest
+            message = lane.imu_message if need is Need.IDENTITY else None
             step = lane.take(incoming, need)
             newest = lane.newest
             if self._are_several and newest is not None and newest is not before:
                 self._voting.take(lane.imu, newest)
                 self._find_twins(t_ns, lane)
             if step.sample is None:
-                if need is Need.SAMPLE or lane.imu_message is not message:
-                    self._routes.clear()  # another message may have to feed the lane
+                is_settled = need is Need.IDENTITY and lane.imu_message is message
+                if not (is_settled or need is Need.FIELD):
+                    self.routes.clear()  # another message may have to feed the lane
                 is_accused |= step.is_accused
                 continue
             is_accused |= step.is_accused
@@ -306,8 +313,8 @@ class Estimation:
             if not self._before_arming.is_armed:
                 seen = newest or step.sample  # with a field that the filter does not use
                 self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
-        if self._routes.get(message_id, NO_ROUTE)[0] <= t_ns:
-            self._routes.clear()  # the reading has made this message the one in use
+        if self.routes.get(message_id, NO_ROUTE)[0] <= t_ns:
+            self.routes.clear()  # the reading has made this message the one in use
         switched = ""
         if self._are_several and (is_accused or t_ns - self._looked_ns >= LOOK_NS):
             switched = self._look(t_ns)
@@ -317,13 +324,13 @@ class Estimation:
                 sent = self._sendable(t_ns, step, switched)
         return sent._replace(is_accused=True) if is_accused else sent
 
-    def _note_arrival(self, t_ns: int) -> None:
+    def _hear_again(self, t_ns: int) -> None:
+        """Notes the first reading of an epoch, or the first one after a silence of all lanes."""
         if self._first_ns is None:
             self._first_ns = t_ns
         if t_ns - self._heard_ns > SILENT_NS:
             for lane in self._lanes:
                 lane.resume(t_ns)
-        self._heard_ns = t_ns
 
     def refuse(self, t_ns: int, message_id: int, reason: str) -> None:
         """Counts a rejected reading for which `on_arrival` was True."""
@@ -331,7 +338,7 @@ class Estimation:
             lane.refuse(t_ns, reason)
             if lane.is_refused and lane is not self._sent:
                 lane.rest(t_ns)
-                self._routes.clear()
+                self.routes.clear()
 
     def idle_until_ns(self, message_id: int) -> int:
         """The host time until which a message that is not needed stays so.
@@ -381,7 +388,7 @@ class Estimation:
         (sample, filtered, of_step, _), lane = step, self._sent
         assert sample is not None
         assert lane is not None
-        event = lane.pop_event()
+        event = None if lane.event is None else lane.pop_event()
         if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
             event = None if of_step is None else event
         if event is not None:
@@ -411,7 +418,7 @@ class Estimation:
         switch = self._selection.look(
             t_ns,
             sent.imu,
-            {lane.imu: self._condition(t_ns, lane) for lane in self._lanes},
+            {lane.imu: self._condition(t_ns, lane, sent) for lane in self._lanes},
         )
         return self._switched(switch) if switch is not None else ""
 
@@ -426,10 +433,10 @@ class Estimation:
         for imu, lane in lanes.items():
             lane.use_votes(self._voting.verdict(imu))
 
-    def _condition(self, t_ns: int, lane: Lane) -> Condition:
+    def _condition(self, t_ns: int, lane: Lane, sent: Lane) -> Condition:
         # VIBRATION does not name the IMU: the noise of the lanes shows which it is.
         shaken = self._shaking.clips(lane.imu, t_ns) > 0 or self._shaking.is_high(t_ns)
-        return lane.condition(t_ns, self._lane, is_reported=shaken)
+        return lane.condition(t_ns, sent, is_reported=shaken)
 
     def _first_lane(self, t_ns: int) -> Lane:
         """The first lane with samples; waits briefly for the preferred one."""
@@ -446,13 +453,14 @@ class Estimation:
             first, second = one.newest, other.newest
             if first is not None and second is not None and twins.compare(first, second):
                 (one if other is self._sent else other).rest(t_ns)
-                self._routes.clear()
+                self.routes.clear()
 
     def _compare_compasses(self, t_ns: int) -> None:
         """Compares all IMUs' fields through one attitude: from velocities, or the sent one."""
         lanes = [lane for lane in self._lanes if not lane.is_silent(t_ns) and lane.has_estimate]
         shown = [lane for lane in lanes if lane.monitor.heading_is_shown]
-        level = self._lane if self._lane in shown or not shown else shown[0]
+        sent = self._lane
+        level = sent if sent in shown or not shown else shown[0]
         estimate, newest = level.estimate, level.newest
         if estimate is None or newest is None:
             return
@@ -472,7 +480,7 @@ class Estimation:
         wrong = compasses.wrong | self._field_voting.frozen
         for lane in self._lanes:
             lane.use_verdict(lane.imu in wrong, compasses.doubt_rad(lane.imu))
-            if lane is not self._lane:
+            if lane is not sent:
                 lane.drop_heading()
 
     def _restart_lanes(self, t_ns: int) -> None:

@@ -128,7 +128,7 @@ class Lane:
         self.newest: ImuSample | None = None  # the newest sample, unchanged
         self._filtered: AttitudeEstimate | None = None
         self.rate_hz = 0.0  # of the samples
-        self._event: TimeVerdict | None = None
+        self.event: TimeVerdict | None = None  # a new epoch that has not been reported
         self.compass_is_wrong = False  # its field shows a wrong north, and is not used
         self.heading_is_wrong = False  # the filter still has the heading of such a field
         self._doubt_rad = 0.0
@@ -323,7 +323,7 @@ class Lane:
                 self._trust.refuse(t_ns, verdict.value)
             return NO_STEP
         if verdict is not NEXT and verdict in NEW_EPOCHS:
-            self._event = event = verdict
+            self.event = event = verdict
             self._begin_epoch()
         self.newest = sample
         usable, is_accused = self._usable(t_ns, sample)
@@ -365,7 +365,7 @@ class Lane:
 
     def pop_event(self) -> TimeVerdict | None:
         """Returns the new epoch that has not been reported, once; otherwise None."""
-        event, self._event = self._event, None
+        event, self.event = self.event, None
         return event
 
     # --- what else is known -------------------------------------------------------------------

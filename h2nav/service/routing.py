@@ -45,6 +45,7 @@ class Routing:
         self._estimation, self._comparing, self._aiding = estimation, comparing_, aiding
         self._bound: Sender | None = None
         self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
+        self._routes = estimation.routes
 
     def on_binding(self, identity: Identity) -> None:
         """Begins for an autopilot."""
@@ -64,6 +65,9 @@ class Routing:
             idle_until_ns = self._idle_until_ns.get(message_id)
             if idle_until_ns is not None and t_ns < idle_until_ns:
                 return False
+            route = self._routes.get(message_id)
+            if route is not None and t_ns < route[0] and route[1]:
+                return True
             return self._on_own(t_ns, message_id)
         if message_id in IMU_MESSAGES:
             is_other = self._autopilot.identity is not None
