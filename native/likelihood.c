@@ -195,3 +195,34 @@ PyObject *likelihood_unknowns(PyObject *self, PyObject *arguments)
     }
     return released(b, 4, fits, 0.0);
 }
+
+PyObject *likelihood_spread(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*y*w*", &b[0], &b[1], &b[2], &b[3])) {
+        return NULL;
+    }
+    const size_t count = numbers(&b[1]), lines = (size_t)b[2].len;
+    const unsigned char *places = b[2].buf;
+    int fits = numbers(&b[0]) == count * (count + 1) / 2 && numbers(&b[3]) == lines * count;
+    for (size_t n = 0; n < lines; n++) {
+        fits = fits && places[n] < count;
+    }
+    if (fits) {
+        const double *root = b[0].buf, *sigmas = b[1].buf;
+        double *line = b[3].buf;
+        for (size_t n = 0; n < lines; n++, line += count) {
+            const size_t place = places[n];
+            memset(line, 0, count * sizeof *line);
+            for (size_t i = place; i < count; i++) {
+                const double *row = row_of(root, i), unit = i == place ? 1.0 : 0.0;
+                line[i] = (unit - dot(row, line, i)) / row[i];
+            }
+            for (size_t i = 0; i < count; i++) {
+                line[i] = sigmas[place] * line[i];
+            }
+        }
+    }
+    return released(b, 4, fits, 0.0);
+}

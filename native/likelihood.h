@@ -10,5 +10,6 @@ PyObject *likelihood_products(PyObject *self, PyObject *arguments);
 PyObject *likelihood_fit(PyObject *self, PyObject *arguments);
 PyObject *likelihood_extend(PyObject *self, PyObject *arguments);
 PyObject *likelihood_unknowns(PyObject *self, PyObject *arguments);
+PyObject *likelihood_spread(PyObject *self, PyObject *arguments);
 
 #endif

@@ -89,6 +89,7 @@ static PyMethodDef methods[] = {
     {"fit", likelihood_fit, METH_VARARGS, "Integrates unknowns out."},
     {"extend", likelihood_extend, METH_VARARGS, "Integrates further unknowns out."},
     {"unknowns", likelihood_unknowns, METH_VARARGS, "The most probable unknowns."},
+    {"spread", likelihood_spread, METH_VARARGS, "What the covariance of unknowns is made of."},
     {NULL, NULL, 0, NULL},
 };
 

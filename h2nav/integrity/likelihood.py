@@ -23,7 +23,7 @@ NOTHING = array("d")
 def _sums() -> Any:
     """The functions of `normal_equations`, compiled if they are."""
     native = native_kernels()
-    return native if hasattr(native, "whiten") else normal_equations
+    return native if hasattr(native, "spread") else normal_equations
 
 
 class HypothesisFit(NamedTuple):
@@ -48,15 +48,11 @@ class HypothesisFit(NamedTuple):
 
     def covariance(self, places: Sequence[int]) -> list[list[float]]:
         """The covariance of some unknowns."""
-        solved, count = [], len(self.forward)
-        rows = [self.root[i * (i + 1) // 2 :][: i + 1] for i in range(count)]
-        for place in places:
-            line = [0.0] * count
-            for i in range(place, count):
-                unit = 1.0 if i == place else 0.0
-                line[i] = (unit - dot(rows[i], line[:i])) / rows[i][i]
-            solved.append([self.sigmas[place] * part for part in line])
-        return [[dot(one, other) for other in solved] for one in solved]
+        sums, count = _sums(), len(self.forward)
+        solved, found = _numbers(len(places) * count), _numbers(len(places) ** 2)
+        sums.spread(self.root, self.sigmas, bytes(places), solved)
+        sums.products(solved, solved, count, 0, found)
+        return [found[i : i + len(places)].tolist() for i in range(0, len(found), len(places))]
 
 
 class LinearModel:

@@ -131,6 +131,19 @@ def unknowns(
         found[i] = sigmas[i] * solved[i]
 
 
+def spread(
+    root: "array[float]", sigmas: "array[float]", places: bytes, solved: "array[float]"
+) -> None:
+    """Writes a line for each of some unknowns; their products are the covariance of these."""
+    count = len(sigmas)
+    for n, place in enumerate(places):
+        line = [0.0] * count
+        for i in range(place, count):
+            row = root[_begin(i) : _begin(i + 1)]
+            line[i] = ((1.0 if i == place else 0.0) - _dot(row, line[:i])) / row[-1]
+        solved[n * count : (n + 1) * count] = array("d", (sigmas[place] * part for part in line))
+
+
 def _row(
     crossed: "array[float]", sigmas: "array[float]", scale: float, root: "array[float]"
 ) -> list[float]:

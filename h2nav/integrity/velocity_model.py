@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorErrors
-from h2nav.integrity.likelihood import HypothesisFit, LinearModel, dot
+from h2nav.integrity.likelihood import HypothesisFit, LinearModel
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns
 from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA, UNKNOWN, ReceiverErrors
@@ -106,10 +106,11 @@ class VelocityModel:
         for place, mean in zip(places, means, strict=True):
             left = [part - mean * effect for part, effect in zip(left, of[place], strict=True)]
         for i, place in enumerate(places):
-            sizes = [root[j][i] for j in range(i, len(places))]
-            effects = zip(*(self.columns.of[other] for other in places[i:]), strict=True)
-            of[place] = [dot(sizes, values) for values in effects]
-            sigmas[place] = 1.0
+            turned = [0.0] * len(left)
+            for other, row in zip(places[i:], root[i:], strict=True):
+                pairs = zip(turned, self.columns.of[other], strict=True)
+                turned = [so_far + row[i] * effect for so_far, effect in pairs]
+            of[place], sigmas[place] = turned, 1.0
         noise = (scale * self.noise_m_s, scale * scale * (self.force_density + self._wander))
         return LinearModel(self.lengths_s, left, of, noise).fit(sigmas)
 

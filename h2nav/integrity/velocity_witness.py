@@ -10,6 +10,7 @@ resembles a heading error.
 import math
 from collections import deque
 from enum import Enum
+from operator import mul
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, VelocityFix
@@ -206,9 +207,12 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
         for window in windows
         for i in (0, 1)
     ]
+    columns = list(zip(*(causes for causes, _ in rows), strict=True))
+    missing = [each for _, each in rows]
+    sums = [[sum(map(mul, one, other)) for other in (*columns, missing)] for one in columns]
     sigma_m_s = FIRST_SIGMA_M_S
     for _ in range(FITS):
-        fit = _fit(rows, sigma_m_s)
+        fit = _fit(rows, sums, sigma_m_s)
         sigma_m_s = fit.sigma_m_s
     if sigma_m_s > WORST_SIGMA_M_S:
         return Verdicts()
@@ -221,19 +225,19 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
     )
 
 
-def _fit(rows: list[tuple[Vec3, float]], sigma_m_s: float) -> _Fit:
-    """Fits the windows with the priors; least squares in three unknowns."""
+def _fit(rows: list[tuple[Vec3, float]], sums: list[list[float]], sigma_m_s: float) -> _Fit:
+    """Fits the windows with the priors; least squares in three unknowns.
+
+    Args:
+        rows: effects of the three causes on a change of velocity, and what is missing in it.
+        sums: over the rows, of the products of each cause with each other and with the missing.
+        sigma_m_s: of the residuals.
+    """
     weight = sigma_m_s**-2
     known = [sigma**-2 for sigma in EXPECTED_SIGMA]
-    a, b, c = (
-        [weight * sum(causes[i] * causes[j] for causes, _ in rows) for j in range(3)]
-        for i in range(3)
-    )
+    a, b, c = ([weight * each for each in line[:3]] for line in sums)
     a[0], b[1], c[2] = a[0] + known[0], b[1] + known[1], c[2] + known[2]
-    right = [
-        weight * sum(causes[i] * missing for causes, missing in rows) + known[i] * EXPECTED[i]
-        for i in range(3)
-    ]
+    right = [weight * sums[i][3] + known[i] * EXPECTED[i] for i in range(3)]
     # The inverse of a symmetric matrix of three: its cofactors over its determinant.
     xx, xy, xz = b[1] * c[2] - b[2] ** 2, a[2] * b[2] - a[1] * c[2], a[1] * b[2] - a[2] * b[1]
     yy, yz, zz = a[0] * c[2] - a[2] ** 2, a[1] * a[2] - a[0] * b[2], a[0] * b[1] - a[1] ** 2

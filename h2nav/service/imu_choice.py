@@ -77,6 +77,9 @@ class ImuChoice:
 
     Args:
         ranked_ids: message ids, best first.
+
+    Attributes:
+        chosen: the message in use.
     """
 
     SETTLED = 100
@@ -85,13 +88,9 @@ class ImuChoice:
     def __init__(self, ranked_ids: tuple[int, ...]) -> None:
         self._rank = {message_id: rank for rank, message_id in enumerate(ranked_ids)}
         self._chosen: int | None = None
+        self.chosen: ImuMessage | None = None
         self._used = 0
         self._last_ns = 0
-
-    @property
-    def chosen(self) -> ImuMessage | None:
-        """The message in use."""
-        return None if self._chosen is None else IMU_MESSAGES[self._chosen]
 
     def is_candidate(self, message_id: int, t_ns: int) -> bool:
         """Whether this message could be the one to use now, decided before it is decoded."""
@@ -117,12 +116,17 @@ class ImuChoice:
 
     def prefer(self, message_id: int, t_ns: int) -> None:
         """Uses another message from now on, until it is silent."""
-        self._chosen, self._used, self._last_ns = message_id, self.SETTLED, t_ns
+        self._choose(message_id, self.SETTLED)
+        self._last_ns = t_ns
 
     def takes(self, message_id: int, t_ns: int) -> None:
         """Notes that a considered message was decoded, which makes it the one in use."""
         if message_id != self._chosen:
-            self._chosen = message_id
-            self._used = 0
+            self._choose(message_id, 0)
         self._used += 1
         self._last_ns = t_ns
+
+    def _choose(self, message_id: int, used: int) -> None:
+        """Brings a message into use, as one of which so many samples were used."""
+        self._chosen, self.chosen = message_id, IMU_MESSAGES[message_id]
+        self._used = used

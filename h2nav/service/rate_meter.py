@@ -3,6 +3,7 @@
 import math
 from array import array
 from bisect import bisect_left
+from collections import defaultdict
 from typing import NamedTuple
 
 SAMPLING_NS = 100_000_000
@@ -43,27 +44,23 @@ class _Snapshot(NamedTuple):
 
 
 class RateMeter:
-    """Counts messages, and takes snapshots ten times a second."""
+    """Takes snapshots of the counts of messages, ten times a second.
+
+    Attributes:
+        counts: arrivals so far, by message id: whoever hears a message adds one.
+    """
 
     def __init__(self) -> None:
+        self.counts: defaultdict[int, int] = defaultdict(int)
         self._places: dict[int, int] = {}  # of the messages, in the order of their first arrival
-        self._counts = array("q")
         self._snapshots: list[_Snapshot] = []
         self._times_ns: list[int] = []  # of the snapshots, to find one quickly
         self._first_ns: dict[int, int] = {}
 
-    def arrived(self, message_id: int) -> None:
-        """Counts a message."""
-        try:
-            self._counts[self._places[message_id]] += 1
-        except KeyError:
-            self._places[message_id] = len(self._counts)
-            self._counts.append(1)
-
     def restart(self) -> None:
         """Forgets all arrivals."""
+        self.counts.clear()
         self._places.clear()
-        self._counts = array("q")
         self._snapshots.clear()
         self._times_ns.clear()
         self._first_ns.clear()
@@ -72,9 +69,11 @@ class RateMeter:
         """Takes a snapshot at host time `t_ns`; returns False if it is not yet due."""
         if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
-        for message_id in self._places.keys() - self._first_ns.keys():
+        for message_id in self.counts.keys() - self._first_ns.keys():
             self._first_ns[message_id] = t_ns
-        self._snapshots.append(_Snapshot(t_ns, self._counts[:]))
+        if len(self._places) < len(self.counts):
+            self._places = {message_id: place for place, message_id in enumerate(self.counts)}
+        self._snapshots.append(_Snapshot(t_ns, array("q", self.counts.values())))
         self._times_ns.append(t_ns)
         old = bisect_left(self._times_ns, t_ns - LONGEST_SPAN_NS)
         del self._snapshots[:old], self._times_ns[:old]

@@ -44,12 +44,13 @@ class Routing:
         self._autopilot, self._wanted = autopilot, wanted
         self._estimation, self._comparing, self._aiding = estimation, comparing_, aiding
         self._bound: Sender | None = None
+        self._counts = wanted.counts
         self._idle_until_ns: dict[int, int] = {}  # of the bound autopilot's messages
         self._routes = estimation.routes
 
     def on_binding(self, identity: Identity) -> None:
         """Begins for an autopilot."""
-        self._bound = identity.address
+        self._bound, self._counts = identity.address, self._wanted.counts
         self._idle_until_ns.clear()
 
     def on_arrival(self, t_ns: int, sender: Sender, message_id: int) -> bool:
@@ -61,7 +62,7 @@ class Routing:
             message_id: one of `Service.message_ids`.
         """
         if sender == self._bound:
-            self._wanted.arrived(message_id)
+            self._counts[message_id] += 1
             idle_until_ns = self._idle_until_ns.get(message_id)
             if idle_until_ns is not None and t_ns < idle_until_ns:
                 return False

@@ -80,7 +80,7 @@ class StreamRequests:
         self._autopilot = autopilot
         self._asks = asks
         self._meter = RateMeter()
-        self.arrived = self._meter.arrived  # counts a message of the autopilot, by its id
+        self.counts = self._meter.counts  # of the autopilot's messages, by their ids
         self._heard_ns: int | None = None
         self._asked_ns: deque[int] = deque(maxlen=MAX_PER_MINUTE)
         self._unknown_ids: set[int] = set()

@@ -4,7 +4,7 @@ Which streams follows from the settings, the autopilot's make and its kind of ve
 come is measured (`stream_requests`), and only what is missing is requested, if the settings allow.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -35,7 +35,7 @@ class Wanted:
         of_motion: further streams, for an estimator of motion.
 
     Attributes:
-        arrived: counts a message of the bound autopilot, by its id.
+        counts: messages of the bound autopilot so far, by their ids: routing adds to them.
     """
 
     def __init__(self, settings: ServiceSettings, of_motion: tuple[WantedStream, ...]) -> None:
@@ -43,7 +43,7 @@ class Wanted:
         self._streams = StreamRequests((), 0, False)
         self._parameters = ParameterRequests()
         self._imu_ids: tuple[int, ...] = ()
-        self.arrived: Callable[[int], None] = self._streams.arrived
+        self.counts = self._streams.counts
 
     def on_binding(self, identity: Identity, *parameters: str) -> None:
         """Begins for an autopilot.
@@ -59,7 +59,7 @@ class Wanted:
             *filter(None, parameters), *before_arming.parameters(make)
         )
         self._imu_ids = preference(make, settings.autopilot.imu_message)
-        self.arrived = self._streams.arrived
+        self.counts = self._streams.counts
 
     def on_link_up(self) -> None:
         """Begins to listen again."""

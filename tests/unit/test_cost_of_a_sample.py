@@ -23,7 +23,7 @@ from tests.needs import REPOSITORY, absent
 FLIGHT = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 # Calls of Python functions per sample, everything on its way and beside it included, with CPython
 # 3.11 and 5 % for others.
-MAX_CALLS = 205.0
+MAX_CALLS = 170.0
 MAX_FRAMES = 8
 REMEDY = (
     "look with `python -m cProfile` at `h2nav replay --no-log` for what could be done per second, "

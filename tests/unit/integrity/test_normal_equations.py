@@ -18,7 +18,7 @@ UNKNOWNS, SHAPES = 16, 13
 @pytest.fixture
 def compiled() -> ModuleType:
     native = native_kernels()
-    if native is None or not hasattr(native, "whiten"):
+    if native is None or not hasattr(native, "spread"):
         absent("the extension is not built, or older")
     return native
 
@@ -74,6 +74,10 @@ def test_buffers_that_do_not_fit_are_refused(compiled: ModuleType) -> None:
         ("fit", (some(3), some(2), some(2), some(3), some(2))),
         ("unknowns", (some(3), some(2), some(2), some(1))),
         ("unknowns", (some(65 * 33), some(65), some(65), some(65))),
+    ]
+    calls += [
+        ("spread", (some(3), some(2), bytes([2]), some(2))),
+        ("spread", (some(3), some(2), bytes([0, 1]), some(2))),
     ]
     further, grown = (some(2), some(1), some(1)), (some(6), some(3))
     calls += [
