@@ -9,7 +9,7 @@ import sys
 
 from needs import REPOSITORY
 
-HOURS = 0.5
+HOURS = 0.25  # at 20 Hz more samples than the blocks that may remain: one a sample would show
 SOAK = [sys.executable, str(REPOSITORY / "tools" / "soak.py"), "--rate-hz", "20", "--json"]
 
 

@@ -53,7 +53,7 @@ def a_parameter(value, name=b"INS_GYRO_FILTER"):
 def test_attitudes_are_those_of_the_time_that_they_claim(personality):
     """At up to 190 deg/s 6 ms are 1.1 deg, and 50 ms of the field 9 deg."""
     found = [
-        SimulatedFlight("aggressive", personality=personality, configuration=chosen).run(40.0)
+        SimulatedFlight("aggressive", personality=personality, configuration=chosen).run(26.0)
         for chosen in (SIMULATED, with_autopilot(gyro_delay_s=0.005, field_delay_s=0.0))
     ]
     known, ignored = (flight.reference.table(skip_s=10.0) for flight in found)
@@ -86,12 +86,14 @@ def test_the_answer_is_in_the_log_and_a_replay_is_equal(tmp_path, capsys):
     assert result["estimates_equal"] == result["estimates_compared"] > 1000
 
 
-def test_an_autopilot_that_does_not_answer_is_asked_five_times():
+def test_an_autopilot_that_does_not_answer_is_asked_again():
+    """How often, and that it ends: tests/unit/service/test_sensor_delays.py."""
     silent = ARDUPILOT._replace(parameters={"FRAME_CLASS": 1.0})
-    flight = SimulatedFlight("rest", personality=silent).run(300.0)
+    flight = SimulatedFlight("rest", personality=silent).run(25.0)
     asked = Counter(name for _, name in questions(flight))
-    assert set(asked.values()) == {5}
     assert {"INS_GYRO_FILTER", "COMPASS_USE"} <= set(asked)
+    assert set(asked.values()) <= {1, 2}
+    assert asked["INS_GYRO_FILTER"] == 2
 
 
 def test_nobody_is_asked_where_we_keep_quiet_and_yet_an_answer_is_heard():

@@ -233,7 +233,7 @@ def test_the_lemmas_hold_at_the_extremes(name: str) -> None:
 
 
 @pytest.mark.usefixtures("_checked")
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_lemmas_hold_for_gains_at_the_ends_of_their_ranges(seed: int) -> None:
     rng = random.Random(seed)
     for _ in range(4):
