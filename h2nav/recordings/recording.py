@@ -85,6 +85,7 @@ class TlogRecording(Recording):
                 damaged_bytes=reader.damaged_bytes,
                 corrected_times=reader.corrected_times,
                 clock_steps_back=reader.clock_steps_back,
+                clock_steps_forward=reader.clock_steps_forward,
             )
 
 

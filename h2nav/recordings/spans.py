@@ -49,7 +49,7 @@ def _usual_pause_s(steps_s: Array) -> float:
     if not len(steps_s):
         return 0.0
     passed_s = np.cumsum(steps_s)
-    return float(steps_s[np.searchsorted(passed_s, 0.5 * passed_s[-1])])
+    return float(steps_s[min(np.searchsorted(passed_s, 0.5 * passed_s[-1]), len(steps_s) - 1)])
 
 
 def without(found: Iterable[Span], others: Iterable[Span]) -> tuple[Span, ...]:

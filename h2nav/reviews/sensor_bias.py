@@ -69,6 +69,8 @@ STILL_PARTS = 5
 SHAKEN_RAD_S = 0.3 * DEG
 # Samples in a window whose mean counts.
 MIN_SAMPLES = 50
+# Slower samples of two IMUs do not show the same moments.
+STEADY_HZ, CHANCE_SIGMAS = 45.0, 3.0
 # Other findings that show which of two disagreeing IMUs is wrong.
 SHOWN_BY = {
     Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
@@ -348,10 +350,30 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     gyro = [_whole_means(track.t_s, track.w_b, edges) for track in tracks]
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
     imus = [track.imu + 1 for track in tracks]
+    turned = GYRO_APART_RAD_S + _by_chance(tracks, 0, edges)
+    forced = FORCE_APART_M_S2 + _by_chance(tracks, 1, edges)
     return [
-        *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, GYRO_APART_RAD_S, known),
-        *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, FORCE_APART_M_S2, known),
+        *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, turned, known),
+        *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, forced, known),
     ]
+
+
+def _by_chance(tracks: tuple[ImuTrack, ...], of_force: int, edges: Array) -> Array:
+    """(M,) by how much means of windows differ that see the motion at other times.
+
+    Slow samples of a stream come at moments of their own, and some are lost: three deviations of
+    the difference of two means.
+    """
+    most = np.zeros(len(edges) - 1)
+    for track in tracks:
+        if float(np.median(np.diff(track.t_s))) * STEADY_HZ <= 1.0:
+            continue
+        values = track.f_b if of_force else track.w_b
+        counts = np.maximum(np.diff(np.searchsorted(track.t_s, edges)), 1)
+        mean, square = means(track.t_s, values, edges), means(track.t_s, values**2, edges)
+        spread = np.sqrt(np.maximum(square - mean**2, 0.0).sum(axis=1))
+        most = np.fmax(most, CHANCE_SIGMAS * spread * np.sqrt(2.0 / counts))
+    return most
 
 
 def _is_slow(track: ImuTrack) -> bool:
@@ -371,7 +393,7 @@ def _disagreeing(
     imus: list[int],
     edges: Array,
     values: list[Array],
-    limit: float,
+    limit: Array,
     known: tuple[Finding, ...],
 ) -> list[Finding]:
     """Pairs that differ; names the odd one of three, and of two the one known as bad."""
@@ -383,7 +405,7 @@ def _disagreeing(
         # The effect of vibration on slow samples changes its direction.
         if (
             np.count_nonzero(places) >= MIN_WINDOWS
-            and np.linalg.norm(difference[places].mean(axis=0)) > limit
+            and np.linalg.norm(difference[places].mean(axis=0)) > limit[places].mean()
         ):
             beyond[one, other] = apart
     suspects = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
@@ -402,7 +424,7 @@ def _disagreeing(
 
 
 def _difference(
-    kind: Kind, odd: list[int], others: list[int], edges: Array, apart: Array, limit: float
+    kind: Kind, odd: list[int], others: list[int], edges: Array, apart: Array, limit: Array
 ) -> Finding:
     """One finding: the odd IMU against the others, or two of which one is wrong."""
     places = np.flatnonzero(apart > limit)
@@ -425,6 +447,7 @@ def _difference(
         size,
         unit,
         f"{text} {size:.1f} {unit}",
-        f"means of {BIAS_WINDOW_S:.0f} s, {len(places)} of them beyond {limit / one:.2g} {unit}"
+        f"means of {BIAS_WINDOW_S:.0f} s, {len(places)} of them beyond "
+        f"{float(limit[places].min()) / one:.2g} {unit}"
         f"{unknown}",
     )

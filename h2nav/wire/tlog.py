@@ -20,6 +20,8 @@ TIME_SIZE = 8
 NS_PER_US = 1_000
 _NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
 _MIN_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
+# A clock that leaps further was set: a companion without a battery begins in the year 2000.
+_MAX_LEAP_US = 86_400_000_000
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
 
 
@@ -32,6 +34,7 @@ class TlogReader:
         damaged_stretches: number of runs of such bytes.
         corrected_times: times replaced because they did not fit between their neighbours'.
         clock_steps_back: how often the recorder's clock was set back; time stands still there.
+        clock_steps_forward: how often it was set by more than a day; time stands still there.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -43,7 +46,7 @@ class TlogReader:
         self._shift_us = 0
         self.position = 0
         self.damaged_bytes = self.damaged_stretches = 0
-        self.corrected_times = self.clock_steps_back = 0
+        self.corrected_times = self.clock_steps_back = self.clock_steps_forward = 0
 
     def batches(self) -> Iterator[Arrivals]:
         """Yields all entries in order, those of one block of the file at a time.
@@ -76,7 +79,7 @@ class TlogReader:
         ends: list[Integers] = []
         times: list[Integers] = []
         while self._at < len(self._buffer) and (self._ended or not self._is_short()):
-            run = seen.run(self._at, self._last_us - self._shift_us)
+            run = seen.run(self._at, self._last_us and self._last_us - self._shift_us)
             if run.stop > run.start:
                 starts.append(seen.at[run] + TIME_SIZE)
                 ends.append(seen.ends[run])
@@ -119,6 +122,10 @@ class TlogReader:
             self.clock_steps_back += 1
             self._shift_us += self._last_us - unix_us
             unix_us = self._last_us
+        elif unix_us - self._last_us > _MAX_LEAP_US:
+            self.clock_steps_forward += 1
+            self._shift_us += self._last_us - unix_us
+            unix_us = self._last_us
         self._last_us = unix_us
         return unix_us
 
@@ -146,7 +153,8 @@ class _Seen:
         follower = np.minimum(np.searchsorted(self.at, self.ends), len(self.at) - 1)
         sound = (self.at[follower] == self.ends) | (ended & (self.ends == len(data)))
         self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]
-        goes_on = (self.ends[:-1] == self.at[1:]) & (self.times_us[:-1] <= self.times_us[1:])
+        step_us = np.diff(self.times_us)
+        goes_on = (self.ends[:-1] == self.at[1:]) & (step_us >= 0) & (step_us <= _MAX_LEAP_US)
         self._breaks = np.append(np.flatnonzero(~goes_on), max(len(self.at) - 1, 0))
         # Beyond this an entry cannot be judged yet.
         last = len(data) if ended else len(data) - _NEED
@@ -156,10 +164,13 @@ class _Seen:
         """The entries from `at` on that follow each other in place and time.
 
         Args:
-            last_us: stored time of the previous one.
+            last_us: stored time of the previous one; 0 if there is none.
         """
         first = int(np.searchsorted(self.at, at))
-        if first == len(self.at) or self.at[first] != at or self.times_us[first] < last_us:
+        if first == len(self.at) or self.at[first] != at:
+            return slice(0, 0)
+        step_us = int(self.times_us[first]) - last_us
+        if step_us < 0 or (last_us and step_us > _MAX_LEAP_US):
             return slice(0, 0)
         end = int(self._breaks[np.searchsorted(self._breaks, first)])
         return slice(first, min(end, self._judged))

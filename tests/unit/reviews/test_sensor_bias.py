@@ -7,9 +7,10 @@ from reviewed_flights import flight, with_imu
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import ImuTrack
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.inertial import exponential
-from h2nav.reviews.sensor_bias import detect_biases
+from h2nav.reviews.sensor_bias import _apart, detect_biases
 
 BIAS_DEG_S = np.array([0.1, -0.1, 0.05])
 
@@ -132,3 +133,21 @@ def test_what_shakes_on_the_ground_is_not_at_rest():
     assert [one.kind for one in detect_biases((off,), None, (), ())[1]] == ["accelerometer_bias"]
     shaken = off._replace(f_b=off.f_b + np.sin(9.0 * off.t_s)[:, None])
     assert not detect_biases((shaken,), None, (), ())[1]
+
+
+def slow_stream(seed, turned_deg_s, extra_deg_s):
+    """Two IMUs that turn to and fro, of which some samples a second come, of other moments."""
+    random, tracks = np.random.default_rng(seed), []
+    for imu in range(2):
+        t_s = np.sort(random.uniform(0.0, 100.0, 1200))
+        along = turned_deg_s * np.sign(np.sin(0.6 * t_s)) + imu * extra_deg_s
+        w_b = DEG * along[:, None] * np.array([0.0, 0.0, 1.0])
+        f_b = np.tile([0.0, 0.0, -9.8], (len(t_s), 1))
+        stamp_us = np.round(1e6 * t_s).astype(np.int64)
+        tracks.append(ImuTrack(imu, "RAW_IMU", t_s, stamp_us, w_b, f_b, np.full_like(f_b, np.nan)))
+    return {one.kind for one in _apart(tuple(tracks), ())}
+
+
+def test_slow_samples_of_a_moving_vehicle_differ_by_chance():
+    assert not any(slow_stream(seed, 60.0, 0.0) for seed in range(20))
+    assert slow_stream(1, 0.0, 3.0) == {Kind.GYRO_APART}

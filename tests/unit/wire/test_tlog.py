@@ -29,9 +29,9 @@ def frames(count: int = COUNT, version: int = 2) -> list[bytes]:
     ]
 
 
-def tlog(bodies: list[bytes], step_us: int = 10_000) -> bytes:
+def tlog(bodies: list[bytes], start_us: int = START_US, step_us: int = 10_000) -> bytes:
     return b"".join(
-        struct.pack(">Q", START_US + n * step_us) + body for n, body in enumerate(bodies)
+        struct.pack(">Q", start_us + n * step_us) + body for n, body in enumerate(bodies)
     )
 
 
@@ -137,6 +137,22 @@ def test_a_clock_that_was_set_back_stands_still_and_goes_on() -> None:
     expected += [START_US + (9 + n) * 10_000 for n in range(10)]
     assert [unix_us for unix_us, _ in entries] == expected
     assert reader.clock_steps_back == 1
+
+
+def test_a_clock_that_is_set_while_it_records_stands_still_and_goes_on() -> None:
+    # From the year 2000, which a companion without a battery begins with, to the date.
+    bodies, until_us = frames(20), START_US - 700_000_000_000_000
+    data = tlog(bodies[:10], until_us) + tlog(bodies[10:])
+    entries, reader = read(data)
+    expected = [until_us + n * 10_000 for n in range(10)]
+    expected += [until_us + (9 + n) * 10_000 for n in range(10)]
+    assert [unix_us for unix_us, _ in entries] == expected
+    assert (reader.clock_steps_forward, reader.clock_steps_back) == (1, 0)
+    # A pause of an hour is one.
+    data = tlog(bodies[:10]) + tlog(bodies[10:], START_US + 3_600_000_000)
+    entries, reader = read(data)
+    assert entries[10][0] == START_US + 3_600_000_000
+    assert reader.clock_steps_forward == 0
 
 
 def test_a_large_file_of_garbage_is_read_in_bounded_pieces(tmp_path: Path) -> None:
