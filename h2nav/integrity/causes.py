@@ -249,6 +249,7 @@ class _Comparison:
         if mine:
             likeliest = _likeliest(mine)
             is_seen = self._is_beyond_receiver(winner) and self._is_seen(mine)
+            is_seen = is_seen and not self._leaves(likeliest)
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
@@ -348,6 +349,14 @@ class _Comparison:
         left = self._model.square - best.fit.explained
         return _has_begun(mine) and left < count + MISFIT_SIGMAS * math.sqrt(2.0 * count)
 
+    def _leaves(self, one: _Variant) -> bool:
+        """Whether it is a jump that leaves the window: what was before it is seen no more.
+
+        It was undecided while all of it was seen, and now less contradicts it.
+        """
+        is_jump = one.cause is Cause.VELOCITY and not one.drifts
+        return is_jump and len(self._rows) - one.begun > max(ONSETS)
+
     def _onsets(self) -> list[int]:
         """Rows at which a fault may begin."""
         count = len(self._rows)
@@ -411,7 +420,9 @@ class _Comparison:
     def _jump(self, row: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
         """A jump of the velocity in a row."""
         since = self._model.since(row, _jumps(len(self._rows) - row))
-        return [_Variant(Cause.VELOCITY, since.fit(base, (0, 1), JUMP_M_S), 2) for base in bases]
+        return [
+            _Variant(Cause.VELOCITY, since.fit(base, (0, 1), JUMP_M_S), 2, row) for base in bases
+        ]
 
     def _jumps(self, none: HypothesisFit) -> list[int]:
         """The rows with the largest residuals of a sound vehicle."""

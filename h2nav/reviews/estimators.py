@@ -47,6 +47,9 @@ BEYOND_FOR_S = 15.0
 # A heading this far from ours may be called wrong: three deviations of both.
 CONVICTED_HEADING_RAD = 8.0 * DEG
 GRID_S = 0.1
+# ArduPilot's attitude is that of the body, IMUs show the board: AHRS_TRIM turns one into the other
+# by up to this much, and logs without parameters do not have it.
+MAX_TRIM_RAD = 10.0 * DEG
 # Velocities decide if they fit one attitude this much better.
 BETTER = 0.8
 ESTIMATOR_WINDOW_S = 2.0
@@ -412,13 +415,24 @@ def judged(
         if one.kind not in of_autopilot:
             continue
         words, is_ours, theirs_rad = _whose(context, imu, own, best, rest, one)
-        if is_ours is None:
+        if _may_be_trim(context, one):
+            text = f"tilt of the autopilot and ours differ by {one.size:.0f} deg"
+            found.append(one._replace(backs_us=None, text=text, evidence=words))
+        elif is_ours is None:
             found.append(one._replace(backs_us=one.backs_us or None))
         elif is_ours and not one.backs_us:
             found.append(_convicted(one, own, best, words, theirs_rad))
         else:
             found.append(one._replace(backs_us=is_ours, evidence=f"{one.evidence}; {words}"))
     return tuple(found)
+
+
+def _may_be_trim(context: Context, finding: Finding) -> bool:
+    """Whether a difference of tilt may be the unknown one between body and board."""
+    is_known = "AHRS_TRIM_X" in context.parameters or context.firmware.startswith("PX4")
+    is_known |= any(name.startswith("EKF2_") for name in context.parameters)
+    is_tilt = finding.kind is Kind.AUTOPILOT_TILT
+    return is_tilt and not is_known and finding.size < MAX_TRIM_RAD / DEG
 
 
 def _convicted(
@@ -456,6 +470,8 @@ def _whose(
 
     The last value is the error of the autopilot's tilt that gravity shows, rad; NaN without.
     """
+    if _may_be_trim(context, finding):
+        return "AHRS_TRIM, which may explain it, is not in the recording", None, math.nan
     if finding.kind is Kind.AUTOPILOT_TILT:
         inside = (rest.t_s >= finding.from_s) & (rest.t_s <= finding.to_s)
         theirs, ours = (tilt_at_rest(rest.part(inside), one) for one in (own, best))

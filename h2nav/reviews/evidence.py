@@ -27,8 +27,14 @@ WITHOUT_TIMES = "bytes"
 # Attitudes are not judged while the vehicle turns over on its way to the ground.
 BEFORE_IMPACT_S = 2.0
 FLOWN_S = 2.0
+# What is carried by thrust is so unevenly: one percent of gravity; on a bench the force is steady.
+CARRIED_M_S2 = 0.1
 # On the ground a barometer varies by this much with noise and the wash of propellers.
 LIFTED_M, MIN_HEIGHTS = 1.5, 10
+# Within this time, in which a barometer that warms up drifts by tenths (MS5611: .5 m in minutes).
+LIFTED_WITHIN_S = 60.0
+# A log ends in flight if it moves as nothing on the ground does, this long before.
+ENDS_S = 1.0
 # Slower samples alias a vibration into steps of a bias.
 STEADY_HZ = 45.0
 # Filters smear an impact over the values just before it.
@@ -155,11 +161,15 @@ def rate_hz(evidence: FlightEvidence) -> float:
 
 
 def flown(evidence: FlightEvidence) -> bool:
-    """Whether the motors carried it for seconds, moving as nothing on the ground does."""
+    """Whether the motors carried it for seconds, moving and felt as nothing on the ground is."""
     found = evidence.of(bins)
     if found is None:
         return False
-    return float(in_flight(found, evidence.of(recorded), ()).sum()) * BIN_S >= FLOWN_S
+    flies = in_flight(found, evidence.of(recorded), ())
+    if float(flies.sum()) * BIN_S < FLOWN_S:
+        return False
+    low, high = np.quantile(np.linalg.norm(found.f_b[flies], axis=1), (0.05, 0.95))
+    return bool(high - low > CARRIED_M_S2)
 
 
 def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
@@ -175,7 +185,7 @@ def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
 
 def _begins_aloft(found: Bins, span: Span) -> bool:
     """Whether the log begins in this span, and its motors carry it then."""
-    if span.from_s > found.t_s[0] + FLOWN_S:
+    if not len(found.t_s) or span.from_s > found.t_s[0] + FLOWN_S:
         return False
     first = (found.t_s >= span.from_s) & (found.t_s < span.from_s + FLOWN_S)
     return not np.median(found.driven[first]) <= found.flying
@@ -185,8 +195,24 @@ def _stays(height: Series, span: Span) -> bool:
     inside = (height.t_s >= span.from_s) & (height.t_s <= span.to_s) & np.isfinite(height.values)
     if inside.sum() < MIN_HEIGHTS:
         return True
-    low, high = np.quantile(height.values[inside], (0.02, 0.98))
-    return bool(high - low < LIFTED_M)
+    t_s, values = height.t_s[inside], height.values[inside]
+    for first in np.searchsorted(t_s, np.arange(t_s[0], t_s[-1], 0.5 * LIFTED_WITHIN_S)):
+        part = values[first : np.searchsorted(t_s, t_s[first] + LIFTED_WITHIN_S, side="right")]
+        low, high = np.quantile(part, (0.02, 0.98))
+        if high - low >= LIFTED_M:
+            return False
+    return True
+
+
+def ends_aloft(evidence: FlightEvidence) -> bool:
+    """Whether it still moves as nothing on the ground does when the log ends, off the ground."""
+    found = evidence.of(bins)
+    if found is None or not len(found.t_s):
+        return False
+    last = found.t_s > evidence.flight.context.duration_s - ENDS_S
+    flies = in_flight(found, evidence.of(recorded), ())[last]
+    spans = evidence.of(lifted)
+    return bool(flies.any()) and bool(spans) and spans[-1].to_s >= found.t_s[-1] - ENDS_S
 
 
 def crashes(evidence: FlightEvidence) -> list[Impact]:

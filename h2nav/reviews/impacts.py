@@ -125,7 +125,7 @@ def with_contacts(
     """
     seen = []
     for blow in found:
-        near = [one for one in met if abs(one.t_s - blow.t_s) < SAME_S and one.shown_by]
+        near = [one for one in met if abs(one.t_s - blow.t_s) < SAME_S and _is_known(one)]
         fastest = max(near, key=lambda one: one.speed_m_s, default=None)
         if fastest is None:
             seen.append(blow)
@@ -162,6 +162,14 @@ def _of_contact(bins: Bins, contact: Contact, stood: Array, span: Span) -> Impac
         speed_m_s=contact.speed_m_s,
         shown_by=contact.shown_by,
     )
+
+
+def _is_known(contact: Contact) -> bool:
+    """Whether two sources show its speed, or one that none denies.
+
+    A vehicle that tumbles blows into its barometer.
+    """
+    return len(contact.shown_by) > 1 or (bool(contact.shown_by) and not contact.denied_by)
 
 
 def _is_crash(contact: Contact, sources: int) -> bool:
@@ -440,7 +448,7 @@ def _turned(bins: Bins, place: int) -> tuple[float, float]:
 
 
 def _finding(impact: Impact) -> Finding:
-    lay = "it did not fly again"
+    lay = "it was down afterwards"
     if impact.is_crash and impact.tilt_rad > LYING_RAD:
         lay = f"it came to lie {impact.tilt_rad / DEG:.0f} deg from how it had stood"
     if impact.turned_rad > TURNED_RAD:

@@ -32,6 +32,8 @@ PARTS = 3
 PAIR_SHARE = 0.8
 # At the limit: this near to it, for this long. A second of it is more than a gust.
 LIMIT_SHARE, LIMIT_S, LONG_LIMIT_S, LEADS_S = 0.985, 0.5, 1.0, 10.0
+# The motors together: it is all the thrust there is, and no fault of one of them.
+TOGETHER_SHARE = 0.85
 # A motor without thrust alone receives full output within this time, while the vehicle turns
 # against its demand.
 ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
@@ -220,6 +222,9 @@ def _at_limit(
     total = float(sum(t_s[last] - t_s[first] + BIN_S for first, last in pieces))
     times = "once" if len(pieces) == 1 else f"{len(pieces)} times"
     throttle = float(np.median(np.concatenate([driven[a : b + 1] for a, b in pieces])))
+    text = f"motor {number} at its limit for {longest:.1f} s"
+    if throttle > TOGETHER_SHARE:
+        text += ", as the others nearly were"
     return Finding(
         Kind.MOTOR_SATURATED,
         Sensor(SensorKind.MOTOR, number),
@@ -228,7 +233,7 @@ def _at_limit(
         float(t_s[pieces[-1][1]]),
         100.0,
         "%",
-        f"motor {number} at its limit for {longest:.1f} s",
+        text,
         f"{times}, {total:.1f} s in all; the motors together were at {throttle:.0%} of their range "
         "then",
     )

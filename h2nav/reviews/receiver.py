@@ -41,6 +41,9 @@ FORCE_WINDOW_S, FORCE_SLACK_M_S2 = 3.0, 1.0
 # Fixes are read and sent at intervals: each may be older than usual by half an interval.
 LARGEST_JITTER_S = 0.25
 LASTING_S = 1.5
+# Receivers hold their course while they hardly move, and smooth it for a while (u-blox: below
+# 1 m/s). What they report then is a speed without a direction.
+SLOW_M_S, HELD_RAD, CREEP_M_S, SMOOTHED_S, MIN_HELD = 1.0, 1e-9, 0.1, 1.0, 5
 # Lags to try; receivers for vehicles have 0.05 to 0.4 s.
 EARLIEST_LAG_S, LATEST_LAG_S, COARSE_LAG_S, LAG_STEP_S = -0.2, 1.2, 0.1, 0.02
 MAX_LAG_FIXES = 5000
@@ -281,6 +284,21 @@ def _by_jitter(moves: Moves, velocity: VelocityTrack, lag_s: float) -> Array:
     return size
 
 
+def _by_course(moves: Moves) -> Array:
+    """(N,) velocity error from a course that is held or smoothed, m/s; 0 if it never is."""
+    speed = np.linalg.norm(moves.v_n[:, :2], axis=1)
+    course = np.arctan2(moves.v_n[:, 1], moves.v_n[:, 0])
+    is_slow = speed < SLOW_M_S
+    is_held = (np.abs(np.diff(course)) < HELD_RAD) & (np.diff(speed) != 0.0)
+    is_held &= is_slow[1:] & (speed[1:] > CREEP_M_S)
+    if np.count_nonzero(is_held) < MIN_HELD:
+        return np.zeros(len(speed))
+    slow_s = moves.t_s[is_slow]
+    place = np.searchsorted(slow_s, moves.t_s, side="right") - 1
+    is_late = (place >= 0) & (moves.t_s - slow_s[place] <= SMOOTHED_S)
+    return np.where(is_late, speed, 0.0)
+
+
 def _contradictions(
     sensor: Sensor,
     moves: Moves,
@@ -297,13 +315,15 @@ def _contradictions(
     receiver = math.sqrt(2.0) * np.hypot(
         np.maximum(moves.sigma_m_s, MIN_SIGMA_M_S), _by_jitter(moves, velocity, lag_s)
     )
+    course = _by_course(moves)
     for length_s in LENGTHS_S:
         change = _change(moves.t_s, moves.v_n, velocity, length_s, lag_s)[:, moves.axes]
         counts = flying & within(moves.t_s - length_s, context.armed)
         size = np.where(counts, np.nan_to_num(np.linalg.norm(change, axis=1)), 0.0)
         at_s = moves.t_s - lag_s
         inertial = (length_s * slow) ** 2 + velocity.variance(at_s - length_s, at_s)
-        sigma = np.sqrt(receiver**2 + inertial)
+        before = np.searchsorted(moves.t_s, moves.t_s - length_s + 1e-3).clip(max=len(course) - 1)
+        sigma = np.sqrt(receiver**2 + course**2 + course[before] ** 2 + inertial)
         own = size / (GATE * sigma)
         better = own > ratio
         worst, ratio = np.where(better, size, worst), np.where(better, own, ratio)

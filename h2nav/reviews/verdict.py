@@ -85,7 +85,11 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     elif lost:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
-        text = _flown(of_vehicle, _ending(flight.context), analysis.looked_at, bool(missing))
+        ending = _ending(flight.context) if analysis.ends_aloft else ""
+        text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing))
+    receivers = [gps for gps in flight.context.gps if len(gps.t_s)]
+    if receivers and flight.context.armed and not any(gps.has_fix.any() for gps in receivers):
+        text += " The GPS never had a fix."
     if missing:
         text += f" Not looked at: {', '.join(missing)}."
     return FlightVerdict(text, analysis.looked_at, missing)

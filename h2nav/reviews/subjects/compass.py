@@ -1,5 +1,7 @@
 """Compasses against the earth's field."""
 
+from collections.abc import Iterator
+
 from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
@@ -103,6 +105,9 @@ KINDS = (
 
 # A compass that is blamed is off from the earth's field by this share of the worst one at least.
 WORSE = 0.8
+# A field that differs about the vertical alone is the earth's, within this share of its size: a
+# wrong heading of ours, or a turned compass.
+EARTHLY = 0.15
 
 Looked = tuple[FieldTrack | None, CompassFit | None, list[Finding]]
 
@@ -124,12 +129,12 @@ def compasses(evidence: FlightEvidence) -> tuple[Looked, ...]:
 
 
 def judged(evidence: FlightEvidence) -> tuple[Finding, ...]:
-    """Findings in flight that name a compass, undecided where another is further from the earth's.
+    """Findings in flight that name a compass, undecided where strength and dip do not show it.
 
     Strength and dip of the whole time of the finding show it, which the check could not wait for.
     """
     fields = {field.compass + 1: field for field, _, _ in evidence.of(compasses) if field}
-    found = []
+    found = [*_turned(evidence, fields)]
     for one in evidence.flight.findings:
         number = one.sensor.number
         if one.kind is not Kind.COMPASSES_DIFFER or number not in fields or len(fields) < 2:
@@ -142,6 +147,20 @@ def judged(evidence: FlightEvidence) -> tuple[Finding, ...]:
             evidence_ = f"which one is wrong is open: strength and dip are off by ({shown})"
             found.append(one._replace(sensor=sensor, text=words, evidence=evidence_))
     return tuple(found)
+
+
+def _turned(evidence: FlightEvidence, fields: dict[int, FieldTrack]) -> Iterator[Finding]:
+    """Fields in flight that are the earth's but for their direction about the vertical, as notes.
+
+    So are those of a place that is unknown, where no field is known to be the earth's.
+    """
+    if not fields and len(evidence.flight.earth.t_s):
+        return  # a dead compass shows none
+    for one in evidence.flight.findings:
+        if one.kind is Kind.COMPASS_FIELD:
+            apart = [strangeness(field, one) for field in fields.values()]
+            if not any(share > EARTHLY for share in apart):
+                yield one._replace(severity=Severity.NOTICE)
 
 
 def look(evidence: FlightEvidence) -> list[Finding]:

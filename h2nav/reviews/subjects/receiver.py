@@ -1,6 +1,7 @@
 """GPS receivers against inertial motion."""
 
 from h2nav.integrity import words
+from h2nav.integrity.cause_alarms import clears_velocity
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
@@ -9,6 +10,9 @@ from h2nav.reviews.force_steps import REACH_S
 from h2nav.reviews.receiver import detect_receiver
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import Receiver
+
+# The comparison of all causes in flight decides, if it lasted for this much of a finding.
+COMPARED_SHARE = 0.5
 
 KINDS = (
     Declared(
@@ -103,11 +107,29 @@ def receivers(evidence: FlightEvidence) -> tuple[tuple[Receiver, list[Finding]],
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `receiver` and `force_steps`."""
-    found = [own for _, own in evidence.of(receivers)]
+    compared = [one for one in evidence.flight.findings if clears_velocity(one)]
+    found = [[_weighed(one, compared) for one in own] for _, own in evidence.of(receivers)]
     steps = evidence.of(parts.force_steps)
     if len(evidence.of(parts.alive)) == 1:
         found[:1], steps = [_undecided(own, steps) for own in found[:1]], []
     return [*(one for own in found for one in own), *steps]
+
+
+def _weighed(one: Finding, compared: list[Finding]) -> Finding:
+    """A false velocity, only to be noted where the comparison of all causes did not find it so."""
+    if one.kind is not Kind.GPS_VELOCITY:
+        return one
+    other = max(compared, key=lambda other: _overlap_s(one, other), default=None)
+    if other is None or _overlap_s(one, other) < COMPARED_SHARE * (one.to_s - one.from_s):
+        return one
+    return one._replace(
+        severity=Severity.NOTICE,
+        evidence=f"{one.evidence}; in flight, of all causes: {other.text}, {other.evidence}",
+    )
+
+
+def _overlap_s(one: Finding, other: Finding) -> float:
+    return min(one.to_s, other.to_s) - max(one.from_s, other.from_s)
 
 
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:

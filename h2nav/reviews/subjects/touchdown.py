@@ -1,5 +1,7 @@
 """How fast each landing met the ground."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
@@ -36,6 +38,14 @@ KINDS = (
 )
 
 
+class Touchdown(NamedTuple):
+    """A vehicle met the ground."""
+
+    t_s: float  # its time
+    speed_m_s: float  # of the descent before it, positive down
+    shown_by: tuple[str, ...]  # sources of that speed
+
+
 def look(evidence: FlightEvidence) -> list[Finding]:
     """One finding for each touchdown, in order."""
     sources, context = evidence.of(parts.vertical), evidence.of(parts.recorded)
@@ -43,16 +53,19 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     if not sources or height is None:
         return []
     height_m = on_grid(sources[0].t_s, height.t_s, height.values)
-    found = [(one.t_s, one.speed_m_s) for one in evidence.of(parts.met) if len(one.shown_by) > 1]
+    met = (one for one in evidence.of(parts.met) if len(one.shown_by) > 1)
+    found = [Touchdown(one.t_s, one.speed_m_s, one.shown_by) for one in met]
+    # How a crash met the ground is its own finding.
+    known_s = [*(one.t_s for one in found), *(one.t_s for one in evidence.of(parts.crashes))]
     for span in context.armed:
         last = _last(sources, height_m, span)
-        if last is not None and all(abs(last[0] - t_s) > APART_S for t_s, _ in found):
+        if last is not None and all(abs(last.t_s - t_s) > APART_S for t_s in known_s):
             found.append(last)
-    return [_finding(t_s, speed, sources) for t_s, speed in sorted(found)]
+    return [_finding(one) for one in sorted(found)]
 
 
-def _last(sources: tuple[Climb, ...], height_m: Array, span: Span) -> tuple[float, float] | None:
-    """Time and speed of the touchdown at the end of an armed span; None if it did not fly."""
+def _last(sources: tuple[Climb, ...], height_m: Array, span: Span) -> Touchdown | None:
+    """The touchdown at the end of an armed span; None if it did not fly."""
     t_s = sources[0].t_s
     inside = np.flatnonzero((t_s >= span.from_s) & (t_s <= span.to_s) & np.isfinite(height_m))
     if len(inside) * GRID_S < 2.0 * LAST_S:
@@ -68,20 +81,24 @@ def _last(sources: tuple[Climb, ...], height_m: Array, span: Span) -> tuple[floa
     known = np.array([speed for speed in speeds if np.isfinite(speed)])
     speed = float(np.median(known)) if len(known) else 0.0
     alike = np.abs(known - speed) < max(AGREE_M_S, AGREE_SHARE * speed)
-    return (float(t_s[place]), speed) if speed > MIN_TOUCHDOWN_M_S and alike.all() else None
+    if speed <= MIN_TOUCHDOWN_M_S or not alike.all():
+        return None
+    named = zip(sources, speeds, strict=True)
+    shown_by = tuple(source.name for source, own in named if np.isfinite(own))
+    return Touchdown(float(t_s[place]), speed, shown_by)
 
 
-def _finding(t_s: float, speed: float, sources: tuple[Climb, ...]) -> Finding:
+def _finding(one: Touchdown) -> Finding:
     return Finding(
         TOUCHDOWN,
         Sensor(SensorKind.VEHICLE),
         Severity.INFO,
-        t_s,
-        t_s,
-        speed,
+        one.t_s,
+        one.t_s,
+        one.speed_m_s,
         "m/s",
-        f"touched down at {speed:.1f} m/s",
-        f"median of {', '.join(source.name for source in sources)}",
+        f"touched down at {one.speed_m_s:.1f} m/s",
+        f"{'median of' if len(one.shown_by) > 1 else 'by'} {', '.join(one.shown_by)}",
     )
 
 

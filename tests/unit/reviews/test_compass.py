@@ -11,7 +11,7 @@ from reviewed_flights import (
     with_imu,
 )
 
-from h2nav.integrity.findings import Severity
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array
 from h2nav.reviews.analysis import Analysis, analyse
@@ -173,3 +173,16 @@ def test_without_an_attitude_nothing_is_said_of_a_compass():
     assert not analysis.compasses
     assert not analysis.fields
     assert len(ideal("flight").t_us) == len(flight().context.imus[0].t_s)
+
+
+@pytest.mark.parametrize(("share", "is_noted"), [(1.0, True), (0.7, False)])
+def test_a_field_that_is_the_earths_but_for_its_direction_is_undecided(share, is_noted):
+    flown = flight()
+    blamed = Finding(
+        Kind.COMPASS_FIELD, Sensor(SensorKind.COMPASS), Severity.ERROR, 40.0, 60.0, 30.0, "deg",
+        "attitude contradicts field", "", "a",
+    )  # fmt: skip
+    flown = with_imu(flown, m_b_ut=share * flown.context.imus[0].m_b_ut)
+    found = analyse(flown._replace(findings=(blamed,))).judged
+    assert ("a" in found) is is_noted
+    assert not is_noted or found["a"].severity is Severity.NOTICE

@@ -9,11 +9,14 @@ from h2nav.recordings.context import Battery, Motors, Said, Series, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.chain import chain
 from h2nav.reviews.heights import HEIGHT_LOST
+from h2nav.reviews.impacts import Bins, Impact, with_contacts
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 from h2nav.reviews.verdict import verdict
+from h2nav.reviews.vertical import climbs, contacts
 
 T_S = np.arange(0.0, DURATION_S, 0.1)
 AT_S = 60.0
+NO_BINS = Bins(np.zeros(0), *(np.zeros((0, 3)),) * 2, *(np.zeros(0),) * 3)
 
 
 def fallen(speed_m_s, stop_s=0.1, since_s=AT_S):
@@ -61,6 +64,18 @@ def test_a_single_source_does_not_end_a_flight():
     climb, height = fallen(12.0)
     level = height._replace(values=0.0 * height.values)
     assert Kind.CRASH not in told(flown(climb, level))[0]
+
+
+def test_a_blow_has_the_speed_that_no_source_denies():
+    climb, height = fallen(12.0)
+    tumbles = np.where((T_S > AT_S - 0.5) & (T_S <= AT_S), 12.0 * (T_S - AT_S + 0.5), 0.0)
+    blown = height._replace(values=height.values - np.maximum.accumulate(tumbles) * 3.0)
+    for baro, speeds in ((height, (12.0,)), (blown, ())):
+        met = contacts(climbs(flown(climb, baro).context), flown(climb, baro).context)
+        blow = Impact(AT_S, AT_S + 1.0, 16.0, 40.0, np.nan, 0.0, AT_S, is_crash=True)
+        (found,) = with_contacts([blow], met, NO_BINS, flown(climb, baro).context)
+        known = [found.speed_m_s] if np.isfinite(found.speed_m_s) else []
+        assert known == pytest.approx(speeds, abs=0.5)
 
 
 def test_a_low_throttle_by_hand_is_the_cause_of_a_crash_and_the_only_one():

@@ -11,7 +11,7 @@ from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.context import Context, GpsTrack, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
-from h2nav.reviews.receiver import detect_receiver, moves_of
+from h2nav.reviews.receiver import _by_course, detect_receiver, moves_of
 
 
 def found(flown: Flight) -> list[Finding]:
@@ -201,3 +201,42 @@ def test_a_velocity_that_agrees_with_the_autopilot_against_us_is_not_the_receive
     )  # fmt: skip
     found = analyse(flown._replace(findings=(velocity, tilt)))
     assert ("velocity" in found.cleared) == is_ours
+
+
+@pytest.mark.parametrize("creeps", [True, False])
+def test_a_course_that_is_held_at_low_speed_says_little_for_a_while(creeps):
+    speed = np.where(np.arange(100) < 50, 0.6 if creeps else 3.0, 3.0)
+    speed = speed + 0.05 * np.sin(np.arange(100))
+    course = np.where(np.arange(100) < 52, 0.3, 2.0)
+    gps = steady(100, 0.2)
+    v_n = np.stack((speed * np.cos(course), speed * np.sin(course), 0.0 * speed), axis=1)
+    error = _by_course(moves_of(gps._replace(v_n=v_n)))
+    assert (error[50:54] == pytest.approx(speed[50:54])) == creeps
+    assert not error[60:].any()
+
+
+def test_without_a_held_course_a_slow_receiver_is_believed():
+    gps = gps_track("flight", 0.0)
+    assert not _by_course(moves_of(gps)).any()
+
+
+@pytest.mark.parametrize(
+    ("size_deg", "to_s", "severity"),
+    [
+        (0.0, 66.0, Severity.NOTICE),
+        (0.0, 60.5, Severity.WARNING),
+        (12.0, 66.0, Severity.WARNING),
+    ],
+)
+def test_the_comparison_of_all_causes_in_flight_decides(size_deg, to_s, severity):
+    sensor = Sensor(SensorKind.GPS)
+    compared = Finding(
+        Kind.ATTITUDE_VELOCITY, sensor, Severity.WARNING, 59.0, to_s, size_deg, "deg", "",
+        "vibration", "a",
+    )  # fmt: skip
+    flown = flight()
+    gps = flown.context.gps[0]
+    v_n = gps.v_n + ((gps.t_s > 60.0) & (gps.t_s < 66.0))[:, None] * np.array([5.0, 0.0, 0.0])
+    flown = with_gps(flown, v_n=v_n, **moved(flown, v_n))._replace(findings=(compared,))
+    (finding,) = [one for one in found(flown) if one.kind is Kind.GPS_VELOCITY]
+    assert finding.severity is severity

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reviewed_flights import DURATION_S, flight, ideal, with_imu
+from reviewed_flights import DURATION_S, flight, ideal, with_gps, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
@@ -303,6 +303,13 @@ def test_nothing_wrong_names_what_was_and_was_not_looked_at():
     assert f"Not looked at: attitude against its demand (no demands), {lacking}" in text
 
 
+def test_a_receiver_that_never_had_a_fix_is_in_the_verdict():
+    flown = flight()
+    blind = with_gps(flown, has_fix=np.zeros(len(flown.context.gps[0].t_s), np.bool_))
+    assert said_of(blind).count("The GPS never had a fix.") == 1
+    assert "never had a fix" not in said_of(flown)
+
+
 def test_what_our_own_attitude_says_of_itself_is_no_fault_of_the_vehicle():
     sensor = Sensor(SensorKind.GPS)
     own = Finding(
@@ -336,6 +343,24 @@ def test_a_log_that_ends_in_the_air_says_so():
     assert "The log ends in the air, 16 m above where it began, sinking at 4 m/s." in said_of(flown)
     down = multirotor(baro_height_m=height._replace(values=0.0 * height.values))
     assert "ends in the air" not in said_of(down)
+    # Motors also run on a bench, and there a barometer drifts.
+    still = flown.context.imus[0]
+    f_b = np.tile([0.1, 0.2, -9.7], (len(still.t_s), 1))
+    bench = still._replace(w_b=np.full_like(still.w_b, 0.3), f_b=f_b)
+    lying = flown._replace(context=flown.context._replace(imus=(bench,)))
+    assert "ends in the air" not in said_of(lying)
+
+
+@pytest.mark.parametrize(("shaken_m_s2", "is_told"), [(0.0, False), (1.0, True)])
+def test_a_bench_that_is_touched_does_not_fly(shaken_m_s2, is_told):
+    flown = multirotor()
+    first, outputs = flown.context.imus[0], motors()
+    outputs.pwm_us[(T_S > 60.0) & (T_S < 65.0), 2] = 1950.0
+    waves = np.sin(3.0 * first.t_s)[:, None]
+    f_b = np.array([0.1, 0.2, -9.7]) * (1.0 + shaken_m_s2 / 9.7 * waves)
+    bench = first._replace(w_b=0.1 * waves * np.ones(3), f_b=f_b)
+    flown = flown._replace(context=flown.context._replace(imus=(bench,), motors=outputs))
+    assert (Kind.MOTOR_SATURATED in kinds(flown)) is is_told
 
 
 @pytest.mark.parametrize(("left_s", "is_then"), [(58.0, True), (20.0, False)])
@@ -434,6 +459,8 @@ def test_outputs_on_a_bench_say_nothing_of_a_motor():
     noise = np.random.default_rng(3).normal(0.0, 0.2, len(T_S))
     assert Kind.MOTOR_IMBALANCE in kinds(uneven(climbs + noise))
     assert Kind.MOTOR_IMBALANCE not in kinds(uneven(noise))
+    # A barometer that warms up drifts by metres, but in minutes.
+    assert Kind.MOTOR_IMBALANCE not in kinds(uneven(0.008 * T_S + noise))
 
 
 def test_a_gyro_that_turns_at_rest_takes_the_motors_evidence_away():
@@ -504,7 +531,7 @@ def test_an_attitude_that_the_flight_check_could_not_judge_is_judged_by_the_whol
     tilted = ours.q_nb + 0.07 * np.roll(ours.q_nb, 1, axis=1) * np.array([-1.0, 1.0, -1.0, 1.0])
     tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
     theirs = flown.context.attitudes[0]._replace(t_s=ours.t_s, q_nb=tilted)
-    context = flown.context._replace(attitudes=(theirs,))
+    context = flown.context._replace(attitudes=(theirs,), parameters={"AHRS_TRIM_X": 0.0})
     blame = finding(Kind.AUTOPILOT_TILT, Sensor(SensorKind.AUTOPILOT), 30.0, 100.0, id="a")
     track = flown.context.imus[0]
     (shown,) = judged(context, track, ours, NEVER, (blame,))
@@ -515,3 +542,7 @@ def test_an_attitude_that_the_flight_check_could_not_judge_is_judged_by_the_whol
     whole = analyse(flown._replace(context=context._replace(gps=()), findings=(blame,)))
     assert blame.id in whole.cleared
     assert shown.size > 3.0 * DEG / DEG
+    # Body and board may differ by a trim that the log does not have.
+    (turned,) = judged(context._replace(parameters={}), track, ours, NEVER, (blame,))
+    assert turned.backs_us is None
+    assert "AHRS_TRIM" in turned.evidence
