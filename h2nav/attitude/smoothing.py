@@ -18,6 +18,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from h2nav.attitude.filter import AttitudeFilter, pass_on
 from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
+    TRUST_OF,
     AttitudeEstimate,
     EarthField,
     ImuSample,
@@ -47,7 +48,6 @@ _FAILURES = (ArithmeticError, ValueError)
 _CONVERGED, _RESTARTED = int(Trust.CONVERGED), int(Trust.RESTARTED)
 _REFERENCED, _REST = int(Trust.YAW_REFERENCED), int(Trust.REST)
 _KNOWN_BY_EITHER = _CONVERGED | _REFERENCED
-_TRUST = tuple(map(Trust, range(2 * Trust.SATURATED)))
 
 FilterMaker = Callable[[], AttitudeFilter]
 Record = VehicleState | EarthField | SensorDelays | VelocityFix
@@ -205,7 +205,7 @@ class _Backward:
                 AttitudeEstimate,
                 (
                     *(t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w)),
-                    *(sigma_tilt, _TRUST[trust], sigma_heading),
+                    *(sigma_tilt, TRUST_OF[trust], sigma_heading),
                 ),
             )
             yield tuple.__new__(_Known, (estimate, is_referenced))
@@ -583,7 +583,7 @@ def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
     )
     tilted = multiply(exp((tilt_share * north, tilt_share * east, 0.0)), f.q_nb)
     q_nb = normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted))
-    trust = _TRUST[int(f.trust) | (int(b.trust) & _KNOWN_BY_EITHER)]
+    trust = TRUST_OF[int(f.trust) | (int(b.trust) & _KNOWN_BY_EITHER)]
     return tuple.__new__(
         AttitudeEstimate,
         (f.t_us, q_nb, f.w_b, f.bias_b, f.innovation_n, tilt_sigma, trust, heading_sigma),

@@ -44,9 +44,7 @@ _FIRST_STEP = _PAIR >> 8 ^ _BYTE_STEP[_PAIR & 0xFF]
 _PAIR_STEP = _FIRST_STEP >> 8 ^ _BYTE_STEP[_FIRST_STEP & 0xFF]
 # The checksum begins after the start marker with 0xFFFF; this is its value before the marker.
 _BEFORE = {
-    marker: next(
-        state for state in range(1 << 16) if crc16.mcrf4xx(bytes([marker]), state) == 0xFFFF
-    )
+    marker: int(np.argmax((_PAIR >> 8 ^ _BYTE_STEP[(_PAIR ^ marker) & 0xFF]) == 0xFFFF))
     for marker in (MARKER_1, MARKER_2)
 }
 

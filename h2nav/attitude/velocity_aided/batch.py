@@ -13,10 +13,10 @@ from h2nav.attitude.velocity_aided.shell import (
     MAX_FIELD_UT,
     MAX_FORCE_M_S2,
     MAX_RATE_RAD_S,
-    TRUST,
+    TRUST_BITS,
 )
 
-_TRUST = np.array([int(trust) for trust in TRUST])
+_TRUST = np.array(TRUST_BITS)
 
 
 class VelocityAidedBatch:

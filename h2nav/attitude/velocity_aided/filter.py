@@ -13,6 +13,7 @@ from h2nav.attitude import alignment
 from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.record import assign, copy, in_c, reader, size_of, values, writer
 from h2nav.attitude.samples import (
+    TRUST_OF,
     AttitudeEstimate,
     EarthField,
     ImuSample,
@@ -36,7 +37,7 @@ from h2nav.attitude.velocity_aided.memory import OLDEST_FIELD, Gains, Sample, St
 from h2nav.attitude.velocity_aided.shell import (
     AIR_TILT_SIGMA_RAD,
     LONGEST_GAP_US,
-    TRUST,
+    TRUST_BITS,
     VelocityAidedShell,
     clipping,
     is_plausible_field,
@@ -387,7 +388,7 @@ class VelocityAidedFilter(VelocityAidedShell):
                 (bias_x, bias_y, bias_z),
                 (to_n, to_e, to_d),
                 sigma_tilt_rad,
-                TRUST[bits],
+                TRUST_OF[TRUST_BITS[bits]],
                 sigma_heading_rad,
             ),
         )

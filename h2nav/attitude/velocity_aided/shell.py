@@ -57,9 +57,9 @@ _FLAGS = (
     (memory.CONVERGED, Trust.CONVERGED),
     (memory.YAW_REFERENCED, Trust.YAW_REFERENCED),
 )
-# Indexed by a step's bits: creating an IntFlag costs more than the rest of an estimate.
-TRUST = tuple(
-    Trust.ALIGNED | Trust(sum(flag for bit, flag in _FLAGS if bits & bit)) for bits in range(256)
+# Of `Trust`, by those of a step.
+TRUST_BITS = tuple(
+    int(Trust.ALIGNED) + sum(flag for bit, flag in _FLAGS if bits & bit) for bits in range(256)
 )
 
 

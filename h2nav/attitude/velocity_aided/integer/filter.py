@@ -13,6 +13,7 @@ from h2nav.attitude.integer.motion import MAX_DT_US, rotation
 from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
 from h2nav.attitude.samples import (
+    TRUST_OF,
     AttitudeEstimate,
     EarthField,
     ImuSample,
@@ -65,7 +66,7 @@ from h2nav.attitude.velocity_aided.kernel.estimate import (
 from h2nav.attitude.velocity_aided.kernel.prediction import jolt_of
 from h2nav.attitude.velocity_aided.shell import (
     MAX_FIELD_UT,
-    TRUST,
+    TRUST_BITS,
     VelocityAidedShell,
     clipping,
 )
@@ -582,7 +583,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
             bias_b=bias,
             innovation_n=self._innovation(),
             sigma_tilt_rad=self._sigma_tilt_rad(),
-            trust=TRUST[bits],
+            trust=TRUST_OF[TRUST_BITS[bits]],
             sigma_heading_rad=self._sigma_heading_rad() if is_found else LOST_HEADING_RAD,
         )
 
