@@ -66,9 +66,10 @@ SUSPECTED = 100.0
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 MIN_SHARE = 1.0 / 9.0
-# A sensor that shows the same as that of another IMU is the cause in one of so many cases: a shock
-# or a change of temperature takes both.
-CLEARED = 10.0
+# A sensor that breaks while that of another IMU shows the same: in one of so many cases both break
+# alike. Within a failure's usual size sensors of one board are moved alike by their common
+# temperature, supply and shocks: that they agree says nothing of their bias.
+BREAK_ALIKE = 10.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
 # A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom.
@@ -184,6 +185,7 @@ class _Variant(NamedTuple):
     own: int = 0  # number of unknowns besides the usual ones
     begun: int = 0  # row with which it began
     drifts: bool = False  # its own unknowns begin with a drift of the velocity north and east
+    breaks: bool = False  # larger than a board's temperature, supply or shocks make it
     motion: float = 0.0  # logarithm of how likely the vehicle moves as it then would
 
     @property
@@ -220,6 +222,8 @@ class _Comparison:
             variants += self._from_row(begun, bases)
         jumps = [one for row in self._jumps(none) for one in self._jump(row, bases)]
         variants = [_Variant(*one[:-1], self._motion(one)) for one in variants] + jumps
+        if self._cleared and self._shaken <= SHAKING_DENSITY:
+            variants = [self._seen_by_another(one) for one in variants]
         odds: dict[Cause, float] = {
             cause: mean([one.likelihood for one in variants if one.cause is cause])
             for cause in Cause
@@ -229,9 +233,6 @@ class _Comparison:
         if self._shaken > SHAKING_DENSITY:
             # What is hidden from the force looks like a false velocity, to every IMU.
             odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
-        else:
-            for cause in self._cleared:
-                odds[cause] -= math.log(CLEARED)
         if self._rows[0].begun.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
             # An almost unknown heading can imitate any false velocity.
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
@@ -290,6 +291,12 @@ class _Comparison:
                 turn = plus(plus(turn, unknown, in_all), -unknown, before)
         first, now = self._rows[0].begun.moment, self._known.moment
         return tilt_and_heading(multiply(exp(turn), multiply(first.q_ns, conjugate(now.q_ns))))
+
+    def _seen_by_another(self, one: _Variant) -> _Variant:
+        """The variant with how likely another IMU's sensor shows what it shows."""
+        if not one.breaks or one.cause not in self._cleared:
+            return one
+        return one._replace(motion=one.motion - math.log(BREAK_ALIKE))
 
     def _motion(self, one: _Variant) -> float:
         """Logarithm of how likely the vehicle accelerates as it does if this is the cause.
@@ -375,7 +382,11 @@ class _Comparison:
         since = model.since(0, shapes)
         return [
             _Variant(Cause.GYRO, model.fit(_failed(bent, RATE, 3, FAILED_RATE_RAD_S))),
-            _Variant(Cause.GYRO, model.fit(_failed(broken, RATE, 3, BROKEN_RATE_RAD_S))),
+            _Variant(
+                Cause.GYRO,
+                model.fit(_failed(broken, RATE, 3, BROKEN_RATE_RAD_S)),
+                breaks=True,
+            ),
             _Variant(Cause.ACCELEROMETER, force),
             _Variant(Cause.HEADING, since.fit(heading, (0,), most), 1),
             _Variant(Cause.ATTITUDE, since.fit(attitude, (0,), most), 1),
@@ -404,10 +415,16 @@ class _Comparison:
         )
         return [
             _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), FAILED_RATE_RAD_S), 3, begun),
-            _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3, begun),
+            _Variant(
+                Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3, begun, breaks=True
+            ),
             _Variant(Cause.ACCELEROMETER, since.fit(none, (3, 4), FAILED_FORCE_M_S2), 2, begun),
             _Variant(
-                Cause.ACCELEROMETER, since.fit(none, (11, 12, 3, 4), BROKEN_FORCE_M_S2), 2, begun
+                Cause.ACCELEROMETER,
+                since.fit(none, (11, 12, 3, 4), BROKEN_FORCE_M_S2),
+                2,
+                begun,
+                breaks=True,
             ),
             _Variant(Cause.VELOCITY, since.fit(none, (5, 6), RAMP_M_S2), 2, begun, drifts=True),
             _Variant(Cause.VELOCITY, since.fit(bent, (5, 6), RAMP_M_S2), 2, begun, drifts=True),

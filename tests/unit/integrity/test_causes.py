@@ -153,6 +153,7 @@ def signature(
     errors=ERRORS,
     seed=1,
     tilt_rad=0.0,
+    cleared=(),
 ):
     """What 10 s show of a flight whose dead reckoning starts with these errors."""
     drive = accelerating(LENGTH_S + 0.5, seed, law=turning, bias_b=(0.0, 0.0, 0.0))
@@ -178,7 +179,7 @@ def signature(
         a, b, c = force_at(t_s)
         north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
         gained += 0.01 * np.array((north, east, down - GRAVITY))
-    return causes.explain(rows.rows, Known(errors, mark.moment, rows.jitter_m_s))
+    return causes.explain(rows.rows, Known(errors, mark.moment, rows.jitter_m_s), cleared)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -257,6 +258,24 @@ def test_an_accelerometer_is_named_only_where_it_was_seen_to_fail():
     found = since(0.0)
     assert found.share(Cause.ACCELEROMETER) > 0.5
     assert found.decided is None
+
+
+@pytest.mark.parametrize(("size_m_s2", "is_cleared"), [(0.4, False), (3.0, True)])
+def test_agreement_clears_a_broken_accelerometer_not_a_bias_that_a_board_moves(
+    size_m_s2, is_cleared
+):
+    def push(t_s):
+        return (size_m_s2, 0.0, 0.0) if t_s > 6.0 else (0.0, 0.0, 0.0)
+
+    alone = signature(force_at=push)
+    beside = signature(force_at=push, cleared=(Cause.ACCELEROMETER,))
+
+    def against_velocity(found):
+        return math.log(found.share(Cause.ACCELEROMETER) / found.share(Cause.VELOCITY))
+
+    lost = against_velocity(alone) - against_velocity(beside)
+    expected = math.log(causes.BREAK_ALIKE) if is_cleared else 0.0
+    assert lost == pytest.approx(expected, abs=0.5)
 
 
 def test_a_broken_gyro_is_learnt_anew_only_where_it_is_decided():
