@@ -174,15 +174,22 @@ def follow(
     latency: int = 15,
     until: int | None = None,
     field: bool = True,
+    removed: tuple[int, int] = (0, 0),
 ) -> list[AttitudeEstimate | None]:
-    """Fixes of 0.1 s to 0.2 s age, as receivers give them, up to the sample `until`."""
+    """Fixes of 0.1 s to 0.2 s age, as receivers give them, up to the sample `until`.
+
+    Args:
+        removed: samples of delay taken off the fixes' times, from the sample that comes second on.
+    """
     filter_.use_vehicle(FLYING)
     found = []
     for i, sample in enumerate(drive.flight.samples):
         if i % PERIOD == 0 and i >= latency and (until is None or i < until):
             at = i - latency
             v_n = (drive.v_n[at][0], drive.v_n[at][1], math.nan)
-            filter_.use_velocity(VelocityFix(drive.flight.samples[at].t_us, v_n, 0.1))
+            back = removed[0] if i >= removed[1] else 0
+            t_us = drive.flight.samples[at].t_us - 10_000 * back
+            filter_.use_velocity(VelocityFix(t_us, v_n, 0.1, removed_s=0.01 * back))
         found.append(filter_.update(sample if field else sample._replace(m_b_ut=None)))
     return found
 

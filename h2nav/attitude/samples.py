@@ -50,6 +50,7 @@ class VelocityFix(NamedTuple):
     v_n: Vec3  # velocity in NED, m/s; a vertical component that is not measured is NaN
     sigma_m_s: float  # one-sigma accuracy per axis stated by the source
     independent: bool = True  # False when the velocity comes from the autopilot's own estimator
+    removed_s: float = 0.0  # delay that was found, and is no longer in its time
 
 
 class SensorDelays(NamedTuple):

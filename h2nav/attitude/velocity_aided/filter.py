@@ -277,6 +277,11 @@ class VelocityAidedFilter(VelocityAidedShell):
         s.mag_accepted_age_s = max(s.mag_accepted_age_s, -1.0)
         s.fix_lag_s, s.fix_lag_variance = 0.0, self._g.fix_lag_variance
 
+    def _shift_latency(self, change_s: float, removed_s: float) -> None:
+        s = self._state
+        s.fix_lag_s = min(max(s.fix_lag_s + change_s, -removed_s), self._g.fix_lag_limit)
+        s.fix_removed_s = removed_s
+
     def _find_in_air(self, found: Leveled) -> None:
         s = self._state
         s.q_nb[:] = found.q_nb

@@ -188,6 +188,7 @@ class State:
     p_accel_offset: list[float] = reals(6, "", "of the field's offset x, y, z with bias x, then y")
     fix_period_s: float = real("s", "time between fixes as last used")
     fix_lag_s: float = real("s", "how late the fixes are, beyond their stamps")
+    fix_removed_s: float = real("s", "of how late the fixes are, what their times no longer have")
     fix_lag_variance: float = real("s^2", "variance of the fixes' latency", LAG_VARIANCE)
     dtilt_lag: list[float] = reals(
         2, "1/s", "sensitivity of the tilt to that latency, north, east", BY_LAG

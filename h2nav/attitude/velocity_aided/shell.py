@@ -135,6 +135,10 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         """Takes a fix for the next sample; see `AttitudeFilter`."""
         if not self._aligned or self._t_us is None:
             return
+        earlier_s = self._aiding.removed_more_s(fix)
+        if earlier_s != 0.0:
+            # The filter has estimated this delay, too: it must not count twice.
+            self._shift_latency(-earlier_s, fix.removed_s)
         if self._aiding.offer(fix, self._t_us) and self._air is not None:
             self._take_in_air(self._air, fix)
 
@@ -215,6 +219,15 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
     @abstractmethod
     def _set_field(self, field: EarthField) -> float:
         """Sets the local field; returns the change of the declination, rad."""
+
+    @abstractmethod
+    def _shift_latency(self, change_s: float, removed_s: float) -> None:
+        """Changes the estimated latency of the fixes, whose times have changed.
+
+        Args:
+            change_s: of the latency beyond their times.
+            removed_s: what their times no longer have of it.
+        """
 
     @abstractmethod
     def _forget_start(self) -> None:

@@ -53,6 +53,8 @@ class VelocityAiding:
         # good fixes have been frequent enough for samples before this time
         self.aided_until_us = -math.inf
         self.waiting: VelocityFix | None = None
+        # delay that is no longer in the times of the fixes
+        self._removed_s = 0.0
         # (time, velocity gained north, east)
         self._past: deque[Row] = deque(maxlen=PAST_LENGTH)
 
@@ -64,6 +66,11 @@ class VelocityAiding:
         self.aided_until_us = -math.inf
         self.waiting = None
         self._past.clear()
+
+    def removed_more_s(self, fix: VelocityFix) -> float:
+        """By how much earlier the times of the fixes are from this one on."""
+        before_s, self._removed_s = self._removed_s, fix.removed_s
+        return self._removed_s - before_s
 
     def offer(self, fix: VelocityFix, now_us: int) -> bool:
         """Takes a fix for the next sample; returns False if it is poor, too old or not new."""
@@ -131,15 +138,17 @@ class VelocityAiding:
         fix = self.waiting
         waiting = () if fix is None else (fix.t_us, *fix.v_n, fix.sigma_m_s, float(fix.independent))
         past = (number for row in self._past for number in row)
-        return (self._fixes, self._fix_us, self._period_s, len(waiting), *waiting, *past)
+        head = (self._fixes, self._fix_us, self._period_s, self._removed_s, len(waiting))
+        return (*head, *waiting, *past)
 
     def load(self, values: Sequence[float]) -> None:
         """Continues where `values` was taken."""
         self.clear()
-        self._fixes, self._fix_us, self._period_s = int(values[0]), values[1], values[2]
-        past = 4 + int(values[3])
-        if past > 4:
-            t_us, north, east, down, sigma, independent = values[4:past]
+        self._fixes, self._fix_us = int(values[0]), values[1]
+        self._period_s, self._removed_s = values[2:4]
+        past = 5 + int(values[4])
+        if past > 5:
+            t_us, north, east, down, sigma, independent = values[5:past]
             fix = VelocityFix(int(t_us), (north, east, down), sigma, independent > 0.0)
             self.waiting = fix
         self._follow_fixes()

@@ -482,6 +482,10 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s.heading_reset = 0
         s.fix_lag, s.fix_lag_variance = 0, self._g.fix_lag_variance
 
+    def _shift_latency(self, change_s: float, removed_s: float) -> None:
+        lag = self._state.fix_lag + round(change_s * 2.0**30)
+        self._state.fix_lag = min(max(lag, 0), self._g.fix_lag_limit)
+
     def _find_in_air(self, found: Leveled) -> None:
         s, u = self._state, self._sample
         s.q_nb[:] = [round(part * _UNIT_Q29) for part in found.q_nb]

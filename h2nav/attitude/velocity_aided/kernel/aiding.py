@@ -151,8 +151,9 @@ def correct_accel(s: State, w: Workspace, g: Gains) -> None:
     s.accel_bias[0] = s.accel_bias[0] + w.daccel[0]
     s.accel_bias[1] = s.accel_bias[1] + w.daccel[1]
     lag = s.fix_lag_s + w.dfix_lag
-    if lag < 0.0:
-        lag = 0.0
+    if lag < -s.fix_removed_s:
+        # A fix is late, not early; too much may have been removed from its time.
+        lag = -s.fix_removed_s
     if lag > g.fix_lag_limit:
         lag = g.fix_lag_limit
     w.dfix_lag = lag - s.fix_lag_s
