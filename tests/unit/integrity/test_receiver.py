@@ -21,7 +21,7 @@ def yawing(t_s: float) -> Vec3:
 
 
 def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0):
-    """The monitor after a flight whose receiver is late by samples and off the centre; alarms."""
+    """What is learnt of a receiver, late by samples and off the centre; alarms; the filter."""
     drive = with_noise(accelerating(end_s, 4, law=yawing), noise_m_s, 4)
     bias = drive.flight.bias_b
     filter_, monitor = new_filter(knows_field=True), Monitor(Sensor(SensorKind.IMU, 1), Speeds(9.0))
@@ -45,26 +45,29 @@ def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0):
         estimate = filter_.update(sample)
         if estimate is not None:
             monitor.add(sample, estimate)
-    return monitor._receiver, texts
+    return monitor._receiver, texts, filter_
 
 
 def test_a_receiver_that_is_late_and_off_the_centre_is_learnt_and_accuses_nobody() -> None:
-    receiver, texts = flown(38, (0.6, -0.4, 0.0), 0.05)
+    receiver, texts, filter_ = flown(38, (0.6, -0.4, 0.0), 0.05)
     assert receiver.delay_s == pytest.approx(0.38, abs=0.05)
+    # The filter has none of what was removed.
+    left_s = filter_.sensor_errors.fix_latency_s
+    assert receiver.delay_s + left_s == pytest.approx(0.38, abs=0.04)
     assert receiver.antenna_b == pytest.approx((0.6, -0.4, 0.0), abs=0.12)
     assert receiver.errors.delay_s < 0.5 * UNKNOWN.delay_s
     assert not {text for text in texts if "off by" in text or "false" in text}
 
 
 def test_the_antenna_of_a_sound_receiver_stays_in_the_centre() -> None:
-    receiver, texts = flown(0, (0.0, 0.0, 0.0), 0.05)
+    receiver, texts, _ = flown(0, (0.0, 0.0, 0.0), 0.05)
     assert receiver.antenna_b == pytest.approx((0.0, 0.0, 0.0), abs=0.05)
     assert receiver.delay_s < 0.03
     assert not texts
 
 
 def test_a_velocity_is_as_uncertain_as_it_scatters() -> None:
-    receiver, texts = flown(0, (0.0, 0.0, 0.0), 0.5, 40.0)
+    receiver, texts, _ = flown(0, (0.0, 0.0, 0.0), 0.5, 40.0)
     fix = receiver.timely(VelocityFix(0, (0.0, 0.0, 0.0), 0.1))
     assert fix.sigma_m_s == pytest.approx(0.5, rel=0.3)
     assert not texts
