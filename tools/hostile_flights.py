@@ -1,25 +1,29 @@
 """Reviews hostile recordings as uploads are reviewed: each has to end as a review or an error line.
 
-    python tools/hostile_flights.py --count 200 recordings/*.tlog recordings/*.bin
+    python tools/hostile_flights.py --count 10000 --pieces-kb 200 recordings/*.tlog recordings/*.bin
 
 Recordings that are given are cut, and their bytes flipped; others are made: random bytes behind the
-start of each format, bombs of Zstandard in MCAP, sparse files of 2 GiB.
+start of each format, bombs of Zstandard in MCAP, sparse files of 2 GiB. Each is reviewed by the
+process that reviews uploads, under its limits; it is forked from this one, whose modules it has, as
+starting Python takes longer than most reviews of such files.
 """
 
 import argparse
+import functools
+import os
 import random
-import resource
 import struct
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import orjson
 import zstandard
 
-from h2nav.apps.review_process import ReviewProcess
+from h2nav.apps import reviewer, reviewing
+from h2nav.apps.review_process import ReviewOutcome, ReviewProcess
 from h2nav.apps.reviewer import ReviewJob
 
 STARTS = {
@@ -32,14 +36,52 @@ STARTS = {
 GIB = 1 << 30
 
 
+MAX_ATTEMPTS = 5
+REPORT_EVERY = 500
+
+
+class Child:
+    """A forked process with what `ReviewProcess` needs of one."""
+
+    def __init__(self, job: ReviewJob) -> None:
+        ours, its = os.pipe()
+        self.pid = os.fork()
+        if self.pid == 0:
+            try:
+                os.close(ours)
+                os.dup2(its, 1)
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+                vars(reviewer)["run_when_idle"] = int  # on a busy computer it would take days
+                sys.argv = ["reviewer", orjson.dumps(job._asdict()).decode()]
+                os._exit(reviewer.main())
+            finally:
+                os._exit(70)
+        os.close(its)
+        with open(ours, "rb") as stream:
+            self.said = stream.read()
+        _, status, used = os.wait4(self.pid, 0)
+        self.status = os.waitstatus_to_exitcode(status)
+        self.peak_mb = used.ru_maxrss / 1024.0
+        self.seconds = used.ru_utime + used.ru_stime
+
+    def outcome(self, job: ReviewJob) -> ReviewOutcome:
+        """What came of it."""
+        process = ReviewProcess(job)
+        process._said = self.said
+        return process._made(self.status)
+
+
 def main() -> int:
     """Prints how they ended; 1 if one ended otherwise, or took too much memory."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recordings", type=Path, nargs="*")
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--memory-mb", type=int, default=512)
+    parser.add_argument("--memory-mb", type=int, default=512, help="limit of the process")
+    parser.add_argument("--most-mb", type=float, default=300.0, help="more memory is a failure")
+    parser.add_argument("--pieces-kb", type=int, default=1000, help="of a recording, at most")
     args = parser.parse_args()
+    assert reviewing  # loaded here, once
     dice = random.Random(args.seed)
     makers: list[Callable[[Path], Path]] = [
         lambda folder: _random(folder, dice),
@@ -47,39 +89,46 @@ def main() -> int:
         lambda folder: _bomb(folder, dice),
     ]
     for recording in args.recordings:
-        content = recording.read_bytes()
-        makers.append(lambda folder, c=content, r=recording: _cut(folder, dice, c, r.suffix))
-        makers.append(lambda folder, c=content, r=recording: _flipped(folder, dice, c, r.suffix))
+        with recording.open("rb") as stream:
+            content = stream.read(args.pieces_kb * 1000)
+        for made in (_cut, _flipped):
+            makers.append(
+                functools.partial(made, dice=dice, content=content, suffix=recording.suffix)
+            )
     ends: Counter[str] = Counter()
-    bad = 0
+    bad, peak_mb, slowest_s = 0, 0.0, 0.0
     for number in range(args.count):
         with tempfile.TemporaryDirectory() as name:
             file = makers[number % len(makers)](Path(name))
-            ended = _ended(Path(name), args.memory_mb)
-        ends[ended] += 1
-        if ended.startswith("trouble"):
+            ended, used_mb, seconds = _ended(Path(name), args.memory_mb)
+        ends[" ".join(ended.split()[:6])] += 1
+        peak_mb, slowest_s = max(peak_mb, used_mb), max(slowest_s, seconds)
+        if ended.startswith("trouble") or "fault of the review" in ended or used_mb > args.most_mb:
             bad += 1
-            print(f"{number} {file.name}: {ended}", file=sys.stderr)
-    peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+            print(f"{number} {file.name}: {used_mb:.0f} MiB, {ended}", file=sys.stderr, flush=True)
+        if (number + 1) % REPORT_EVERY == 0:
+            print(f"{number + 1}, {bad} bad, {peak_mb:.0f} MiB", file=sys.stderr, flush=True)
     for ended, count in ends.most_common():
         print(f"{count:6d}  {ended}")
-    print(f"largest process: {peak_mb:.0f} MiB")
+    print(f"largest process: {peak_mb:.0f} MiB, longest: {slowest_s:.1f} s of processor time")
     return 1 if bad else 0
 
 
-def _ended(root: Path, memory_mb: int) -> str:
-    """How its review ended; the processes that die are followed by the next attempt."""
-    process = ReviewProcess(ReviewJob(str(root), str(root / "reviews"), memory_mb, 5))
-    for _ in range(5):
-        process.start()
-        while (outcome := process.outcome()) is None:
-            time.sleep(0.05)
+def _ended(root: Path, memory_mb: int) -> tuple[str, float, float]:
+    """How its review ended, with its memory (MiB) and time; of a process that dies, the next."""
+    job = ReviewJob(str(root), str(root / "reviews"), memory_mb, 5)
+    peak_mb = seconds = 0.0
+    for _ in range(MAX_ATTEMPTS):
+        child = Child(job)
+        outcome = child.outcome(job)
+        peak_mb, seconds = max(peak_mb, child.peak_mb), max(seconds, child.seconds)
         if outcome.flight:
-            line = "reviewed" if not outcome.error else f"error: {outcome.error[:90]}"
-            return line if "\n" not in line else "trouble: more than a line"
+            line = "reviewed" if not outcome.error else f"error: {outcome.error}"
+            line = line if "\n" not in line else "trouble: more than a line"
+            return line, peak_mb, seconds
         if "ended with" not in outcome.trouble:
             break
-    return f"trouble: {outcome.trouble or 'nothing was reviewed'}"
+    return f"trouble: {outcome.trouble or 'nothing was reviewed'}", peak_mb, seconds
 
 
 def _random(folder: Path, dice: random.Random) -> Path:
@@ -98,10 +147,18 @@ def _sparse(folder: Path, dice: random.Random) -> Path:
     return path
 
 
+@functools.cache
+def _zeros(size: int) -> bytes:
+    # In pieces: what this process once had counts against the limit of those that it forks.
+    packer = zstandard.ZstdCompressor(level=1).compressobj(size=size)
+    piece = bytes(1 << 20)
+    return b"".join(packer.compress(piece) for _ in range(size >> 20)) + packer.flush()
+
+
 def _bomb(folder: Path, dice: random.Random) -> Path:
     """A chunk of MCAP that is a thousand times larger than it looks."""
     size = dice.choice((1, 4)) * GIB // 4
-    packed = zstandard.ZstdCompressor(level=1).compress(bytes(size))
+    packed = _zeros(size)
     body = struct.pack("<QQQI", 0, 1, size, 0) + struct.pack("<I", 4) + b"zstd"
     body += struct.pack("<Q", len(packed)) + packed
     header = struct.pack("<I", 0) + struct.pack("<I", 5) + b"h2nav"
@@ -120,12 +177,12 @@ def _bomb(folder: Path, dice: random.Random) -> Path:
 
 def _cut(folder: Path, dice: random.Random, content: bytes, suffix: str) -> Path:
     path = folder / f"cut{suffix}"
-    path.write_bytes(content[: dice.randrange(1, min(len(content), 2_000_000))])
+    path.write_bytes(content[: dice.randrange(1, len(content))])
     return path
 
 
 def _flipped(folder: Path, dice: random.Random, content: bytes, suffix: str) -> Path:
-    changed = bytearray(content[:1_000_000])
+    changed = bytearray(content)
     for _ in range(dice.choice((1, 100, 20_000))):
         changed[dice.randrange(len(changed))] = dice.randrange(256)
     path = folder / f"flipped{suffix}"

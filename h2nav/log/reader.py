@@ -29,6 +29,7 @@ _FOOTER = struct.Struct("<BQQQI")
 _SEARCH_BLOCK = 1 << 20
 # A record as it may follow damage: an opcode of the data section and a length below 16 MiB.
 _FIND_HEAD = re.compile(rb"[\x03-\x09\x0c]...\x00{5}|\x0f\x04\x00{7}", re.DOTALL).finditer
+_HOLE = bytes(_SEARCH_BLOCK + HEAD.size - 1)
 _LOWEST, _HIGHEST = int(Opcode.HEADER), int(Opcode.DATA_END)
 
 
@@ -119,7 +120,8 @@ class LogScan:
         while start < self.size:
             self._stream.seek(start)
             block = self._stream.read(_SEARCH_BLOCK + HEAD.size - 1)
-            for match in _FIND_HEAD(block):
+            # A hole of a file that was cut by a full disk may be long, and is read in no time.
+            for match in _FIND_HEAD(block) if block != _HOLE else ():
                 entry = self._entry_at(start + match.start())
                 if entry is not None:
                     return entry

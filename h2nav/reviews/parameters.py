@@ -15,6 +15,8 @@ _OF_ATTITUDE = (
 )  # fmt: skip
 # An autopilot has some 1,500; a damaged recording may name any number.
 _MAX = 4000
+# A damaged one may hold any number, and larger integers are not exact.
+MAX_INTEGER = 2**53
 
 Value = int | float | None
 
@@ -34,4 +36,5 @@ def _as_set(value: float) -> Value:
     """Autopilots hold integers and float32: shows no more digits than that. None if not finite."""
     if not math.isfinite(value):
         return None
-    return int(value) if value == int(value) else float(str(np.float32(value)))
+    is_integer = value == int(value) and abs(value) < MAX_INTEGER
+    return int(value) if is_integer else float(str(np.float32(value)))

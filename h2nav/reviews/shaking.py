@@ -63,7 +63,7 @@ def detect_shaking(
         context: outputs, and the autopilot's own measure.
         impacts: every blow.
     """
-    if context.motors is None or len(track.t_s) < 2:
+    if context.motors is None or len(track.t_s) < 2 or track.t_s[-1] <= track.t_s[0]:
         return []
     t_s, sizes = deviations(track)
     size = sizes[:, 0]
