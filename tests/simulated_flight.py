@@ -4,13 +4,13 @@ Everything between the two is bytes: the autopilot's frames pass its faulty line
 the codec; what the service sends is deframed and goes back to the autopilot.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
-from h2nav.apps.pipeline import Outlets, Pipeline
+from h2nav.apps.pipeline import Beside, Outlets, Pipeline, Watcher
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
@@ -62,6 +62,12 @@ class SimulatedFlight:
         line_bytes_per_s: capacity of the autopilot's serial line; None = anything.
         recorder: the log; its times are the manual clock's.
         parameters: of the autopilot, set before it is switched on.
+        logs: of the autopilot's logger, the newest last.
+        has_files: it serves them by MAVLink FTP too.
+        watched_by: makes the pipeline's watcher, which passes on what it gets.
+
+    Attributes:
+        beside: what is run beside the service at every step.
     """
 
     def __init__(
@@ -79,6 +85,9 @@ class SimulatedFlight:
         line_bytes_per_s: float | None = None,
         recorder: Recorder | None = None,
         parameters: Mapping[str, float] | None = None,
+        logs: tuple[bytes, ...] = (),
+        has_files: bool = True,
+        watched_by: Callable[[Watcher], Watcher] = lambda itself: itself,
     ) -> None:
         options = AutopilotOptions(
             scenario(flown) if isinstance(flown, str) else flown,
@@ -90,6 +99,8 @@ class SimulatedFlight:
             extra_streams,
             line_bytes_per_s=line_bytes_per_s,
             parameters=parameters or {},
+            logs=logs,
+            has_files=has_files,
         )
         self.autopilot = FakeAutopilot(options)
         self.seen = Seen()
@@ -103,7 +114,8 @@ class SimulatedFlight:
         self._back = Deframer()
         filters = FilterFactory.shipped(configuration.filter, configuration.autopilot.imu_rate_hz)
         service = Service(configuration.service, Surroundings(filters.filter_for, field_at, UNIX_S))
-        outlets = Outlets(lambda t_ns: t_ns, self._hears, recorder, self)
+        self.beside: list[Beside] = []
+        outlets = Outlets(lambda t_ns: t_ns, self._hears, recorder, watched_by(self))
         self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
         self.pipeline.link(self.t_ns, True)
 
@@ -133,6 +145,8 @@ class SimulatedFlight:
                 self.bytes_received += len(data)
                 self.pipeline.received(self.t_ns, data)
             self.pipeline.tick(self.t_ns)
+            for work in self.beside:
+                self.pipeline.tend(self.t_ns, "beside", work)
             state = self.pipeline.service.state.value
             if not self.seen.states or self.seen.states[-1][1] != state:
                 self.seen.states.append((self.t_s, state))

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 PAYLOAD_BYTES = 251
 DATA_BYTES = 239
+FOLDER_SIZE = -1
+NEITHER_SIZE = -2
 _HEAD = struct.Struct("<HBBBBBxI")
 
 
@@ -19,7 +21,6 @@ class FileOpcode(IntEnum):
     LIST_DIRECTORY = 3
     OPEN_FILE_RO = 4
     READ_FILE = 5
-    BURST_READ_FILE = 15
     ACK = 128
     NAK = 129
 
@@ -31,18 +32,18 @@ class FileError(IntEnum):
     FAIL_ERRNO = 2
     NO_SESSIONS = 5
     END_OF_FILE = 6
+    UNKNOWN_COMMAND = 7
     FILE_NOT_FOUND = 10
 
 
 class FileMessage(NamedTuple):
     """One payload."""
 
-    sequence: int  # of the request; that of its answer is higher by 1, and counts on in a burst
+    sequence: int  # of the request; that of its answer is higher by 1
     opcode: int  # one of `FileOpcode`, or of those that are not used here
     session: int = 0  # that the autopilot gave
     size: int = 0  # bytes of data, or of what is asked for
     asked: int = 0  # opcode that an answer is for
-    is_burst_over: bool = False  # the last one of a burst
     offset: int = 0  # in the file, or among the entries of a folder
     data: bytes = b""  # at most `DATA_BYTES`
 
@@ -54,7 +55,7 @@ class FileMessage(NamedTuple):
             self.opcode,
             self.size,
             self.asked,
-            int(self.is_burst_over),
+            0,  # not part of a burst
             self.offset,
         )
         return list((head + self.data).ljust(PAYLOAD_BYTES, b"\0"))
@@ -62,19 +63,26 @@ class FileMessage(NamedTuple):
     @classmethod
     def read(cls, payload: bytes) -> "FileMessage":
         """From the payload of a message, whatever it holds."""
-        sequence, session, opcode, size, asked, over, offset = _HEAD.unpack_from(payload)
+        sequence, session, opcode, size, asked, _, offset = _HEAD.unpack_from(payload)
         data = payload[_HEAD.size : _HEAD.size + min(size, DATA_BYTES)]
-        return cls(sequence, opcode, session, size, asked, bool(over), offset, data)
+        return cls(sequence, opcode, session, size, asked, offset, data)
 
 
-def entries(data: bytes) -> list[tuple[str, int]]:
-    """Files with their sizes in a part of a listing, and with them the folders, of size -1."""
+class Entry(NamedTuple):
+    """An entry of a folder's listing."""
+
+    name: str
+    size: int  # of a file, bytes; -1 for a folder, -2 for what is neither
+
+
+def entries(data: bytes) -> list[Entry]:
+    """The entries in a part of a listing: every one counts for the place of the next part."""
     found = []
-    for entry in data.split(b"\0"):
-        text = entry.decode(errors="replace")
+    for raw in data.split(b"\0"):
+        text = raw.decode(errors="replace")
         name, _, size = text[1:].partition("\t")
         if text[:1] == "F" and size.isdecimal():
-            found.append((name, int(size)))
+            found.append(Entry(name, int(size)))
         elif text:
-            found.append((name, -1))
+            found.append(Entry(name, FOLDER_SIZE if text[0] == "D" else NEITHER_SIZE))
     return found

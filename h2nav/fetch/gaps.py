@@ -1,20 +1,28 @@
 """Which bytes of a file are still missing, whatever the order in which its parts arrive."""
 
+from collections.abc import Iterable, Iterator
+
 
 class Gaps:
     """The missing parts of a file.
 
     Args:
         size: of the whole file, bytes.
+        gaps: what is missing, from and to; None = everything.
     """
 
-    def __init__(self, size: int) -> None:
-        self._gaps: list[tuple[int, int]] = [(0, size)] if size else []  # from, to; in order
+    def __init__(self, size: int, gaps: Iterable[tuple[int, int]] | None = None) -> None:
+        everything = [(0, size)] if size else []
+        self._gaps: list[tuple[int, int]] = everything if gaps is None else sorted(gaps)
 
     @property
     def first(self) -> tuple[int, int] | None:
         """The first missing part, from and to; None if nothing is missing."""
         return self._gaps[0] if self._gaps else None
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        """The missing parts in order, from and to."""
+        return iter(self._gaps)
 
     @property
     def missing(self) -> int:

@@ -1,12 +1,17 @@
-"""Fetches an autopilot's newest log: by MAVLink FTP where it has that, else by LOG_REQUEST_DATA.
+"""Fetches a log of an autopilot: by MAVLink FTP where it has that, else by LOG_REQUEST_DATA.
 
-It never asks for more than its share of the link in advance: what has arrived is paid for before
+It never asks for more than its share of the link in advance: what was asked for is paid for before
 the next request. Lost parts are asked for again, repeated and late ones fill what is missing or
 nothing. While somebody else fetches it waits, and asks the autopilot for nothing.
 
-Source: MAVLink, log transfer and file transfer protocols; ArduPilot 4.6, AP_Logger and GCS_FTP: the
-logger serves one link at a time, ignores requests while it sends, and nobody while it is armed; an
-FTP burst is 100 packets.
+By FTP it reads a few packets ahead and never in bursts: a burst of ArduPilot cannot be ended (up to
+2,000 packets, while which its server hears nothing), takes a third of the line whatever our share
+is, and would go on when the vehicle is armed.
+
+Source: MAVLink, log transfer and file transfer protocols; ArduPilot, AP_Logger and GCS_FTP: the
+logger serves one link at a time, ignores requests while it sends, and nobody while it is armed; the
+file server has a queue of five requests and closes a file that is not read for 20 s (when another
+is opened: 3 s). PX4, mavlink_log_handler and mavlink_ftp: one file at a time, closed after 10 s.
 """
 
 from enum import Enum
@@ -14,7 +19,15 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.fetch.file_transfer import DATA_BYTES, FileError, FileMessage, FileOpcode, entries
+from h2nav.fetch.file_transfer import (
+    DATA_BYTES,
+    FOLDER_SIZE,
+    Entry,
+    FileError,
+    FileMessage,
+    FileOpcode,
+    entries,
+)
 from h2nav.fetch.gaps import Gaps
 from h2nav.maths.units import SECOND_NS
 from h2nav.wire.outbound import Address, OutMessage
@@ -32,13 +45,13 @@ LIST_AGAIN_NS = 2 * SECOND_NS
 # Somebody else fetches until nothing was seen of it for this long.
 OTHERS_NS = 30 * SECOND_NS
 STRAYS = 3
-# A gap of fewer packets is read, not streamed: a burst would bring what is there already.
-FEW_PACKETS = 4
+# Reads that are on their way: fewer than a queue holds.
+MAX_READS = 4
 MAX_LOGS = 4096
 MAX_ENTRIES = 4096
+# Of PX4's folders, one a day, the newest ones.
+MAX_FOLDERS = 16
 LARGEST_LOG_BYTES = 1 << 31
-FOLDER = "/APM/LOGS"
-SUFFIX = ".BIN"
 IN_PROGRESS = "Log download in progress"
 
 HEARD = frozenset(
@@ -73,6 +86,26 @@ class OwnLog(NamedTuple):
     time_utc: int  # UNIX time, s; 0 if unknown
 
 
+class LogFolder(NamedTuple):
+    """Where an autopilot has its logs for MAVLink FTP."""
+
+    path: str
+    suffix: str  # of a log's name
+    has_folders: bool  # the logs are in folders, one a day or one a start
+
+
+ARDUPILOT_LOGS = LogFolder("/APM/LOGS", ".BIN", has_folders=False)
+PX4_LOGS = LogFolder("/fs/microsd/log", ".ulg", has_folders=True)
+
+
+class PartOfLog(NamedTuple):
+    """A log of which some is there already: its size and time say which one."""
+
+    size: int  # bytes
+    time_utc: int  # UNIX time, s; 0 if unknown
+    gaps: tuple[tuple[int, int], ...]  # what is missing, from and to
+
+
 class LogFetch:
     """The fetch of one log.
 
@@ -80,11 +113,17 @@ class LogFetch:
         autopilot: its address.
         ours: our address.
         bytes_per_s: share of the link.
-        has_files: tries MAVLink FTP first.
+        files: tries MAVLink FTP first, there; None = LOG_REQUEST_DATA alone.
+        begun: the log that was begun before; None = the newest one.
     """
 
     def __init__(
-        self, autopilot: Address, ours: Address, bytes_per_s: float, *, has_files: bool
+        self,
+        autopilot: Address,
+        ours: Address,
+        bytes_per_s: float,
+        files: LogFolder | None,
+        begun: PartOfLog | None = None,
     ) -> None:
         self.state = FetchState.LISTING
         self.reason = ""  # why it failed
@@ -94,16 +133,23 @@ class LogFetch:
         self.chunks: list[tuple[int, bytes]] = []  # offset and bytes for the file; for the caller
         self._autopilot, self._ours = autopilot, ours
         self._rate = bytes_per_s
-        self._by_file = has_files
+        self._files = files
+        self._by_file = files is not None
         self._gaps: Gaps | None = None
+        if begun is not None:
+            self.log = OwnLog(0, begun.size, begun.time_utc)
+            self._gaps, self.size = Gaps(begun.size, begun.gaps), begun.size
+            self.received = self.size - self._gaps.missing
         self._list: dict[int, OwnLog] = {}
         self._count: int | None = None
         self._last = 0
-        self._names: list[tuple[str, int]] = []
+        self._names: list[Entry] = []
+        self._folders: list[str] = []  # to be listed, the next one last
         self._path = ""
         self._session = 0
         self._sequence = 0
-        self._window: tuple[int, int] | None = None
+        self._window: tuple[int, int] | None = None  # of LOG_REQUEST_DATA
+        self._reads: dict[int, int] = {}  # offset and time of those on their way
         self._asked_ns: int | None = None
         self._heard_ns = 0
         self._lost = 0
@@ -121,6 +167,13 @@ class LogFetch:
         """Whether somebody else fetches."""
         return t_ns < self._quiet_until_ns
 
+    @property
+    def part(self) -> PartOfLog | None:
+        """What can be gone on with by another fetch; None while the log is not known."""
+        if self.log is None or self._gaps is None:
+            return None
+        return PartOfLog(self.size, self.log.time_utc, tuple(self._gaps))
+
     def resume(self) -> None:
         """Begins again after an interruption; what has arrived is kept."""
         if not self.is_over:
@@ -133,6 +186,7 @@ class LogFetch:
         if self.state is not FetchState.READING:
             return []
         self._window = None
+        self._reads.clear()
         if self._by_file:
             return [self._file(FileOpcode.TERMINATE_SESSION)]
         return [mavlink.MAVLink_log_request_end_message(*self._autopilot)]
@@ -206,14 +260,16 @@ class LogFetch:
         elif self._path:
             self._enter(FetchState.OPENING)
         else:
+            assert self._files is not None
             self._names.clear()
+            self._folders = [self._files.path]
             self._enter(FetchState.FINDING)
         return self.due(t_ns)
 
     def _finding(self, t_ns: int) -> list[OutMessage]:
         if not self._may_ask(t_ns):
             return [] if self._by_file else self.due(t_ns)
-        name = FOLDER.encode()
+        name = self._folders[-1].encode()
         return [
             self._file(
                 FileOpcode.LIST_DIRECTORY, size=len(name), offset=len(self._names), data=name
@@ -241,40 +297,63 @@ class LogFetch:
 
     def _reading(self, t_ns: int) -> list[OutMessage]:
         assert self._gaps is not None
-        gap = self._gaps.first
-        if gap is None:
+        if self._gaps.first is None:
             ended = self.stop()
             self._enter(FetchState.DONE)
             return ended
+        return self._read_file(t_ns) if self._by_file else self._read_log(t_ns, self._gaps.first)
+
+    def _read_log(self, t_ns: int, gap: tuple[int, int]) -> list[OutMessage]:
         before: list[OutMessage] = []
         if self._window is not None:
             if t_ns - self._heard_ns <= WINDOW_QUIET_NS:
                 return []
-            self._lost += 1
-            if not self._by_file:  # it ignores requests while it believes to be sending
-                before = self.stop()
-            elif self._lost >= MAX_LOST:
-                self._enter(FetchState.OPENING)
-                return []
-            self._window = None
+            before = self.stop()  # it ignores requests while it believes to be sending
         if self._budget <= 0.0:
             return before
         self._heard_ns = t_ns
-        return [*before, self._request(*gap)]
-
-    def _request(self, start: int, end: int) -> OutMessage:
-        if self._by_file:
-            is_small = end - start <= FEW_PACKETS * DATA_BYTES
-            opcode = FileOpcode.READ_FILE if is_small else FileOpcode.BURST_READ_FILE
-            self._window = start, min(end, start + DATA_BYTES) if is_small else end
-            return self._file(opcode, size=min(DATA_BYTES, end - start), offset=start)
-        assert self.log is not None
+        start, end = gap
         packets = max(1, int(self._rate * FETCH_WINDOW_S / LOG_DATA_WIRE_BYTES))
         end = min(end, start + packets * LOG_DATA_BYTES)
         self._window = start, end
-        return mavlink.MAVLink_log_request_data_message(
+        self._budget -= -(-(end - start) // LOG_DATA_BYTES) * LOG_DATA_WIRE_BYTES
+        assert self.log is not None
+        asked = mavlink.MAVLink_log_request_data_message(
             *self._autopilot, self.log.number, start, end - start
         )
+        return [*before, asked]
+
+    def _read_file(self, t_ns: int) -> list[OutMessage]:
+        if self._reads and t_ns - self._heard_ns > WINDOW_QUIET_NS:
+            self._lost += 1
+            self._heard_ns = t_ns
+            if self._lost >= MAX_LOST:
+                ended = self.stop()
+                self._enter(FetchState.OPENING)
+                return ended
+        late = [each for each, at_ns in self._reads.items() if t_ns - at_ns > WINDOW_QUIET_NS]
+        for offset in late:
+            del self._reads[offset]
+        asked: list[OutMessage] = []
+        while self._budget > 0.0 and len(self._reads) < MAX_READS:
+            part = self._next_part()
+            if part is None:
+                break
+            if not self._reads:
+                self._heard_ns = t_ns
+            self._reads[part[0]] = t_ns
+            self._budget -= FILE_WIRE_BYTES
+            asked.append(self._file(FileOpcode.READ_FILE, size=part[1] - part[0], offset=part[0]))
+        return asked
+
+    def _next_part(self) -> tuple[int, int] | None:
+        """The first missing packet that is not on its way, from and to."""
+        assert self._gaps is not None
+        for start, end in self._gaps:
+            for offset in range(start, end, DATA_BYTES):
+                if offset not in self._reads:
+                    return offset, min(end, offset + DATA_BYTES)
+        return None
 
     def _file(
         self, opcode: FileOpcode, *, size: int = 0, offset: int = 0, data: bytes = b""
@@ -307,7 +386,7 @@ class LogFetch:
             self._stray(t_ns)
             return
         data = bytes(fields.data[: min(fields.count, LOG_DATA_BYTES)])
-        self._arrived(t_ns, fields.ofs, data, LOG_DATA_WIRE_BYTES)
+        self._arrived(t_ns, fields.ofs, data)
         if self._window is not None and fields.ofs + len(data) >= self._window[1]:
             self._window = None
 
@@ -327,58 +406,65 @@ class LogFetch:
         if said.asked == FileOpcode.LIST_DIRECTORY and self.state is FetchState.FINDING:
             # One that is repeated would list its names twice.
             if self._asked_ns is not None and said.sequence == (self._sequence + 1) & 0xFFFF:
+                self._session = said.session
                 self._names += entries(said.data)
                 self._asked_ns, self._lost = None, 0
+                if not said.data or len(self._names) > MAX_ENTRIES:  # PX4 ends a list so
+                    self._found_names()
         elif said.asked == FileOpcode.OPEN_FILE_RO and self.state is FetchState.OPENING:
             if len(said.data) >= 4 and int.from_bytes(said.data[:4], "little") == self.size:
                 self._session = said.session
                 self._enter(FetchState.READING)
             else:
                 self._fail("the log has changed while it was fetched")
-        elif said.asked in (FileOpcode.BURST_READ_FILE, FileOpcode.READ_FILE):
+        elif said.asked == FileOpcode.READ_FILE:
             if self.state is not FetchState.READING or not self._by_file:
                 return
-            self._arrived(t_ns, said.offset, said.data, FILE_WIRE_BYTES)
-            window = self._window
-            is_read = window is not None and said.offset + len(said.data) >= window[1]
-            if said.is_burst_over or said.asked == FileOpcode.READ_FILE or is_read:
-                self._window = None
+            self._reads.pop(said.offset, None)
+            self._arrived(t_ns, said.offset, said.data)
 
     def _take_nak(self, t_ns: int, said: FileMessage) -> None:
         error = said.data[0] if said.data else 0
         if error == FileError.NO_SESSIONS:
             self._leave_it_to_others(t_ns)
         elif self.state is FetchState.FINDING and said.asked == FileOpcode.LIST_DIRECTORY:
-            self._found_names(error)
+            if said.sequence == (self._sequence + 1) & 0xFFFF:
+                self._found_names()
         elif self.state is FetchState.OPENING and said.asked == FileOpcode.OPEN_FILE_RO:
             if error == FileError.FAIL:  # a file is open: ours of before a cut, or another's
                 self._leave_it_to_others(t_ns, ANSWER_NS)
             else:
                 self._by_file = False
                 self._enter(FetchState.READING)
-        elif self.state is FetchState.READING and said.asked != FileOpcode.OPEN_FILE_RO:
-            self._window = None
-            if error != FileError.END_OF_FILE:  # the session is gone
-                self._enter(FetchState.OPENING)
+        elif self.state is FetchState.READING and said.asked == FileOpcode.READ_FILE:
+            self._enter(FetchState.OPENING)  # the session is gone
 
-    def _found_names(self, error: int) -> None:
-        """Ends the listing of the folder: the log is the file of its size with the highest name."""
+    def _found_names(self) -> None:
+        """Ends the listing of a folder: the log is the file of its size with the highest name."""
         assert self.log is not None
-        matching = sorted(
-            name
-            for name, size in self._names
-            if size == self.log.size and name.upper().endswith(SUFFIX)
-        )
-        if error == FileError.END_OF_FILE and matching and "/" not in matching[-1]:
-            self._path = f"{FOLDER}/{matching[-1]}"
+        assert self._files is not None
+        folder = self._folders.pop()
+        plain = [each for each in self._names if each.name and "/" not in each.name]
+        matching = [
+            each.name
+            for each in plain
+            if each.size == self.log.size and each.name.lower().endswith(self._files.suffix.lower())
+        ]
+        if not matching and self._files.has_folders and folder == self._files.path:
+            below = sorted(each.name for each in plain if each.size == FOLDER_SIZE)
+            self._folders = [f"{folder}/{name}" for name in below[-MAX_FOLDERS:]]
+        self._names.clear()
+        if matching:
+            self._path = f"{folder}/{max(matching)}"
             self._enter(FetchState.OPENING)
+        elif self._folders:
+            self._enter(FetchState.FINDING)
         else:
             self._by_file = False
             self._enter(FetchState.READING)
 
-    def _arrived(self, t_ns: int, offset: int, data: bytes, wire_bytes: int) -> None:
+    def _arrived(self, t_ns: int, offset: int, data: bytes) -> None:
         assert self._gaps is not None
-        self._budget -= wire_bytes
         self._heard_ns = t_ns
         if not data or offset + len(data) > self.size:
             return
@@ -398,17 +484,19 @@ class LogFetch:
     def _leave_it_to_others(self, t_ns: int, pause_ns: int = OTHERS_NS) -> None:
         self._quiet_until_ns = max(self._quiet_until_ns, t_ns + pause_ns)
         self._window = self._asked_ns = None
+        self._reads.clear()
         self._strays = 0
 
     def _earn(self, t_ns: int) -> None:
         if self._paid_ns is not None:
             earned = self._rate * (t_ns - self._paid_ns) / SECOND_NS
-            self._budget = min(self._budget + earned, 1.0)
+            self._budget = min(self._budget + earned, float(MAX_READS * FILE_WIRE_BYTES))
         self._paid_ns = t_ns
 
     def _enter(self, state: FetchState) -> None:
         self.state = state
         self._window = self._asked_ns = None
+        self._reads.clear()
         self._lost = self._strays = 0
 
     def _fail(self, reason: str) -> list[OutMessage]:

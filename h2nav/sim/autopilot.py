@@ -90,7 +90,8 @@ class FakeAutopilot:
         self._commands = CommandServer(
             options.personality, self.streams, self.vehicle, asks_to_arm=options.asks_to_arm
         )
-        self._logs = LogServer(options.logs, options.line_bytes_per_s, has_files=options.has_files)
+        path_of = options.personality.log_path if options.has_files else None
+        self.logs = LogServer(options.logs, options.line_bytes_per_s, path_of)
         self._replies: dict[int, Callable[[Any], list[Any]]] = {
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._answer_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._parameters.every_value,
@@ -193,7 +194,7 @@ class FakeAutopilot:
         if not _concerns_us(fields):
             return
         if msg_id in LOG_MESSAGES:
-            replies = self._logs.handle(
+            replies = self.logs.handle(
                 self._now_ns,
                 (sysid, compid),
                 msg_id,
@@ -236,7 +237,7 @@ class FakeAutopilot:
         due_ns = self._heartbeat_ns
         if self._plan:
             due_ns = min(due_ns, self._plan[0][0])
-        others = (self.streams.next_deadline_ns, self._logs.next_deadline_ns)
+        others = (self.streams.next_deadline_ns, self.logs.next_deadline_ns)
         return min((due_ns, *(each for each in others if each is not None)))
 
     def _work(self) -> None:
@@ -257,7 +258,7 @@ class FakeAutopilot:
         if self._heartbeat_ns <= now_ns:
             self._heartbeat_ns = now_ns + SECOND_NS
             self._every_second()
-        for message in self._logs.due(
+        for message in self.logs.due(
             now_ns,
             is_armed=self.vehicle.is_armed,
             is_taken=self.vehicle.has_fault("other-fetch"),

@@ -1,10 +1,12 @@
 """The autopilot's logger: list of logs, LOG_REQUEST_DATA and MAVLink FTP, as ArduPilot does them.
 
 One station is served at a time; requests are ignored while it sends, and by the logger while the
-vehicle is armed. An FTP burst is a hundred packets at a third of the line.
+vehicle is armed. The file server has a queue of five requests, and serves an armed vehicle too.
 """
 
 from collections import deque
+from collections.abc import Callable
+from datetime import UTC, datetime
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -21,15 +23,26 @@ LOG_MESSAGES = frozenset(
     }
 )
 LOG_DATA_BYTES = 90
-BURST_PACKETS = 100
+QUEUED_REQUESTS = 5
+QUEUE_NS = SECOND_NS // 500
 USB_BYTES_PER_S = 1e6
 FILE_WIRE_BYTES = 266
 LOG_WIRE_BYTES = 109
 ENTRIES_NS = SECOND_NS // 100
 FOREIGN_NS = SECOND_NS // 50
-FOLDER = "/APM/LOGS"
 FIRST_UTC = 1_790_000_000
 Address = tuple[int, int]
+LogPath = Callable[[int, int], str]
+
+
+def ardupilot_path(number: int, _utc: int) -> str:
+    """Where ArduPilot has its log of a number."""
+    return f"/APM/LOGS/{number:08d}.BIN"
+
+
+def px4_path(_number: int, utc: int) -> str:
+    """Where PX4 has the log that began at a UNIX time."""
+    return f"{datetime.fromtimestamp(utc, UTC):/fs/microsd/log/%Y-%m-%d/%H_%M_%S.ulg}"
 
 
 class LogServer:
@@ -38,20 +51,20 @@ class LogServer:
     Args:
         logs: their contents, the newest last.
         line_bytes_per_s: of the line; None = as fast as USB.
-        has_files: by MAVLink FTP too.
+        path_of: where they are for MAVLink FTP, by number and time; None = it has none.
     """
 
     def __init__(
-        self, logs: tuple[bytes, ...], line_bytes_per_s: float | None, *, has_files: bool
+        self, logs: tuple[bytes, ...], line_bytes_per_s: float | None, path_of: LogPath | None
     ) -> None:
-        self._logs = logs
-        self._has_files = has_files
+        self._logs = list(logs)
+        self._path_of = path_of
         rate = line_bytes_per_s or USB_BYTES_PER_S
-        self._file_ns = round(3.0 * FILE_WIRE_BYTES / rate * SECOND_NS)
+        self._file_ns = max(QUEUE_NS, round(FILE_WIRE_BYTES / rate * SECOND_NS))
         self._log_ns = round(LOG_WIRE_BYTES / rate * SECOND_NS)
         self._entries: deque[int] = deque()  # to be listed
         self._sending: tuple[int, int, int] | None = None  # log, offset, end
-        self._burst: tuple[Address, FileMessage, int] | None = None  # asker, next packet, how many
+        self._asked: deque[tuple[Address, FileMessage, bool]] = deque()  # asker, what, is_taken
         self._open: tuple[Address, int] | None = None  # whose, log
         self._due_ns: int | None = None
         self._foreign_ns = 0
@@ -60,6 +73,10 @@ class LogServer:
     def next_deadline_ns(self) -> int | None:
         """When `due` returns the next message; None while it sends nothing."""
         return self._due_ns
+
+    def add(self, log: bytes) -> None:
+        """A log has ended: it is the newest one."""
+        self._logs.append(log)
 
     def handle(
         self,
@@ -77,7 +94,10 @@ class LogServer:
             is_taken: another station is being served.
         """
         if message_id == mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL:
-            return self._file(t_ns, sender, FileMessage.read(bytes(fields.payload)), is_taken)
+            if self._path_of is not None and len(self._asked) < QUEUED_REQUESTS:
+                self._asked.append((sender, FileMessage.read(bytes(fields.payload)), is_taken))
+                self._wake(t_ns + QUEUE_NS)
+            return []
         if message_id == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END:
             self._entries.clear()
             self._sending = None
@@ -116,8 +136,9 @@ class LogServer:
         pause_ns = FOREIGN_NS if is_taken else None
         if not has_room:
             pause_ns = self._log_ns
-        elif self._burst is not None:
-            sent.append(self._next_packet())
+        elif self._asked:
+            sender, asked, was_taken = self._asked.popleft()
+            sent.append(_answer(sender, self._answered(sender, asked, is_taken=was_taken)))
             pause_ns = self._file_ns
         elif self._entries:
             sent.append(self._entry(self._entries.popleft()))
@@ -125,7 +146,7 @@ class LogServer:
         elif self._sending is not None and not is_armed:
             sent.append(self._log_data())
             pause_ns = self._log_ns
-        if pause_ns is not None and (is_taken or self._burst or self._entries or self._sending):
+        if pause_ns is not None and (is_taken or self._asked or self._entries or self._sending):
             self._wake(t_ns + pause_ns)
         return sent
 
@@ -134,7 +155,7 @@ class LogServer:
 
     def _entry(self, number: int) -> Any:
         size = len(self._logs[number - 1]) if number else 0
-        utc = FIRST_UTC + 3600 * number if number else 0
+        utc = _utc_of(number) if number else 0
         count = len(self._logs)
         return mavlink.MAVLink_log_entry_message(number, count, count, utc, size)
 
@@ -150,67 +171,57 @@ class LogServer:
 
     # --- MAVLink FTP --------------------------------------------------------------------------
 
-    def _file(self, t_ns: int, sender: Address, asked: FileMessage, is_taken: bool) -> list[Any]:
-        if not self._has_files:
-            return []
+    def _answered(self, sender: Address, asked: FileMessage, *, is_taken: bool) -> FileMessage:
         if is_taken:
-            return [_answer(sender, _refused(asked, FileError.NO_SESSIONS))]
+            return _refused(asked, FileError.NO_SESSIONS)
         if asked.opcode == FileOpcode.LIST_DIRECTORY:
-            return [_answer(sender, self._listed(asked))]
+            return self._listed(asked)
         if asked.opcode == FileOpcode.OPEN_FILE_RO:
-            return [_answer(sender, self._opened(sender, asked))]
+            return self._opened(sender, asked)
         if asked.opcode == FileOpcode.TERMINATE_SESSION:
-            self._open = self._burst = None
-            return [_answer(sender, _accepted(asked))]
+            self._open = None
+            return _accepted(asked)
+        if asked.opcode != FileOpcode.READ_FILE:
+            return _refused(asked, FileError.UNKNOWN_COMMAND)
         if self._open is None or self._open[0] != sender:
-            return [_answer(sender, _refused(asked, FileError.FILE_NOT_FOUND))]
-        if asked.opcode == FileOpcode.BURST_READ_FILE:
-            self._burst = sender, asked._replace(sequence=asked.sequence + 1), BURST_PACKETS
-            self._wake(t_ns + self._file_ns)
-            return []
+            return _refused(asked, FileError.FILE_NOT_FOUND)
         data = self._logs[self._open[1]][asked.offset : asked.offset + asked.size]
-        if not data:
-            return [_answer(sender, _refused(asked, FileError.END_OF_FILE))]
-        return [_answer(sender, _accepted(asked, data))]
+        return _accepted(asked, data) if data else _refused(asked, FileError.END_OF_FILE)
+
+    def _paths(self) -> list[str]:
+        assert self._path_of is not None
+        return [self._path_of(each, _utc_of(each)) for each in range(1, len(self._logs) + 1)]
 
     def _listed(self, asked: FileMessage) -> FileMessage:
-        if asked.data.decode(errors="replace") != FOLDER:
+        folder = asked.data.decode(errors="replace") + "/"
+        found: list[str] = []
+        for path, log in zip(self._paths(), self._logs, strict=True):
+            name, _, rest = path.removeprefix(folder).partition("/")
+            entry = f"D{name}\0" if rest else f"F{name}\t{len(log)}\0"
+            if path.startswith(folder) and entry not in found:
+                found.append(entry)
+        if not found:
             return _refused(asked, FileError.FAIL_ERRNO)
-        names = [
-            f"F{number:08d}.BIN\t{len(log)}\0".encode() for number, log in enumerate(self._logs, 1)
-        ]
         data = b""
-        for name in names[asked.offset :]:
-            if len(data) + len(name) >= DATA_BYTES:
+        for entry in found[asked.offset :]:
+            if len(data) + len(entry) >= DATA_BYTES:
                 break
-            data += name
+            data += entry.encode()
         return _accepted(asked, data) if data else _refused(asked, FileError.END_OF_FILE)
 
     def _opened(self, sender: Address, asked: FileMessage) -> FileMessage:
         if self._open is not None and self._open[0] != sender:
             return _refused(asked, FileError.FAIL)
         name = asked.data.decode(errors="replace")
-        for number, log in enumerate(self._logs):
-            if name == f"{FOLDER}/{number + 1:08d}.BIN":
+        for number, (path, log) in enumerate(zip(self._paths(), self._logs, strict=True)):
+            if name == path:
                 self._open = sender, number
                 return _accepted(asked, len(log).to_bytes(4, "little"))
         return _refused(asked, FileError.FAIL_ERRNO)
 
-    def _next_packet(self) -> Any:
-        assert self._burst is not None
-        asker, asked, left = self._burst
-        log = self._logs[self._open[1]] if self._open is not None else b""
-        data = log[asked.offset : asked.offset + (asked.size or DATA_BYTES)]
-        if not data:
-            self._burst = None
-            said = _refused(asked, FileError.END_OF_FILE)
-            return _answer(asker, said._replace(sequence=asked.sequence, is_burst_over=True))
-        said = _accepted(asked, data)._replace(sequence=asked.sequence, is_burst_over=left == 1)
-        following = asked._replace(
-            sequence=asked.sequence + 1, offset=asked.offset + len(data), is_burst_over=False
-        )
-        self._burst = None if left == 1 else (asker, following, left - 1)
-        return _answer(asker, said)
+
+def _utc_of(number: int) -> int:
+    return FIRST_UTC + 3600 * number
 
 
 def _accepted(asked: FileMessage, data: bytes = b"") -> FileMessage:

@@ -13,6 +13,7 @@ from h2nav.sim.imu_streams import (
     highres_imu_px4,
     raw_imu,
 )
+from h2nav.sim.log_server import LogPath, ardupilot_path, px4_path
 from h2nav.sim.streams import ALL_AUTOPILOTS, Stream, ahrs2, airspeed
 from h2nav.sim.vehicle import SimulatedAges
 
@@ -58,6 +59,7 @@ class Personality(NamedTuple):
     parameters: dict[str, float]  # values by name
     # text of a serial port at power-on, before and after the first heartbeats
     boot_text: tuple[bytes, ...]
+    log_path: LogPath  # where it has its logs for MAVLink FTP
     mav_type: int | None = None  # MAV_TYPE of its heartbeat; None = that of the scenario's vehicle
 
 
@@ -120,6 +122,7 @@ ARDUPILOT = Personality(
         b"Init Gyro*",
         b"*\n",
     ),
+    log_path=ardupilot_path,
 )
 
 # The loop of planes and rovers is slow: it refuses many rates that a copter grants.
@@ -190,6 +193,7 @@ PX4 = Personality(
         "MAV_0_RATE": 0.0,
     },
     boot_text=(),
+    log_path=px4_path,
 )
 
 PERSONALITIES = {personality.name: personality for personality in (ARDUPILOT, ARDUPLANE, PX4)}

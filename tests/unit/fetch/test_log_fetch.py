@@ -1,5 +1,6 @@
 """A log is fetched from the fake autopilot, over a line that loses, repeats, delays and is cut."""
 
+import os
 import random
 
 import pytest
@@ -7,10 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes
 from h2nav.fetch.gaps import Gaps
-from h2nav.fetch.log_fetch import HEARD, FetchState, LogFetch
+from h2nav.fetch.log_fetch import ARDUPILOT_LOGS, HEARD, PX4_LOGS, FetchState, LogFetch
 from h2nav.maths.units import SECOND_NS
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault
+from h2nav.sim.personalities import ARDUPILOT, PX4
 from h2nav.sim.scenarios import scenario
 from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
@@ -19,16 +21,27 @@ AUTOPILOT, OURS, STATION = (1, 1), (1, 191), (255, 190)
 STEP_NS = 10_000_000
 BYTES_PER_S = 92_160.0  # 921,600 baud
 SHARE = 0.5
-LOG = random.Random(3).randbytes(200_000)
+# More by hand: `pytest tests/unit/fetch` with H2NAV_LOG_MB=10.
+LOG = random.Random(3).randbytes(round(float(os.environ.get("H2NAV_LOG_MB", "0.2")) * 1e6))
 OLDER = random.Random(4).randbytes(50_000)
 
 
 class Bench:
     """The fetch and the fake autopilot on one line, in steps of 10 ms."""
 
-    def __init__(self, *faults, flown="rest", has_files=True, logs=(OLDER, LOG), tries_files=True):
+    def __init__(
+        self,
+        *faults,
+        flown="rest",
+        has_files=True,
+        logs=(OLDER, LOG),
+        files=ARDUPILOT_LOGS,
+        personality=ARDUPILOT,
+        begun=None,
+    ):
         options = AutopilotOptions(
             scenario(flown),
+            personality,
             faults=tuple(parse_fault(text) for text in faults),
             line_bytes_per_s=BYTES_PER_S,
             logs=logs,
@@ -38,7 +51,7 @@ class Bench:
         self.line = AutopilotBytes(self.autopilot, 0)
         self.deframer = Deframer()
         self.encoders = {each: Encoder(*each) for each in (OURS, STATION)}
-        self.fetch = LogFetch(AUTOPILOT, OURS, SHARE * BYTES_PER_S, has_files=tries_files)
+        self.fetch = LogFetch(AUTOPILOT, OURS, SHARE * BYTES_PER_S, files, begun)
         self.t_ns = 0
         self.content = bytearray(len(logs[-1]) if logs else 0)
         self.wire_bytes: list[tuple[int, int]] = []  # time and size of what the fetch brings
@@ -74,7 +87,7 @@ class Bench:
             self.fetch.take(self.t_ns, (frame.sysid, frame.compid), frame.msg_id, decode(frame))
 
     def fetched(self, within_s=60.0):
-        self.run(within_s, lambda: self.fetch.is_over)
+        self.run(within_s + 2.0 * len(LOG) / (SHARE * BYTES_PER_S), lambda: self.fetch.is_over)
         assert self.fetch.state is FetchState.DONE, (self.fetch.state, self.fetch.received)
         assert bytes(self.content) == LOG
 
@@ -91,12 +104,42 @@ def test_it_fetches_the_newest_log(has_files):
     assert ("LOG_REQUEST_DATA" in kinds) != has_files
 
 
+def test_from_px4_it_fetches_from_the_folder_of_the_day():
+    day = 24  # logs an hour apart: the newest one is in the second of two folders
+    logs = (OLDER,) * day + (LOG,)
+    bench = Bench(logs=logs, files=PX4_LOGS, personality=PX4)
+    bench.fetched()
+    assert "LOG_REQUEST_DATA" not in {kind for _, kind in bench.asked}
+
+
+def test_an_unfinished_log_is_gone_on_with_though_it_is_not_the_newest_any_more(has_files):
+    first = Bench(has_files=has_files)
+    first.run(4.0)
+    part = first.fetch.part
+    had = first.fetch.received
+    assert 0 < had < len(LOG)
+    second = Bench(has_files=has_files, logs=(OLDER, LOG, OLDER[:1000]), begun=part)
+    second.content = first.content
+    second.fetched()
+    brought = sum(size for _, size in second.wire_bytes)
+    assert brought < 1.4 * (len(LOG) - had) + 5_000
+
+
+def test_an_unfinished_log_that_is_gone_is_given_up(has_files):
+    first = Bench(has_files=has_files)
+    first.run(4.0)
+    second = Bench(has_files=has_files, logs=(OLDER,), begun=first.fetch.part)
+    second.run(10.0)
+    assert second.fetch.state is FetchState.FAILED
+
+
 def test_it_keeps_within_its_share_and_loses_no_attitude(has_files):
     bench = Bench(has_files=has_files)
     bench.run(2.0)
     begun_ns, before = bench.t_ns, bench.attitudes
     bench.fetched()
     seconds = (bench.t_ns - begun_ns) / SECOND_NS
+    print(f"{len(LOG) / 1e6:.1f} MB in {seconds:.0f} s, {bench.attitudes - before} attitudes")
     used = sum(size for t_ns, size in bench.wire_bytes if t_ns > begun_ns)
     assert used / seconds < 1.05 * SHARE * BYTES_PER_S
     assert used / seconds > 0.5 * SHARE * BYTES_PER_S

@@ -1,0 +1,232 @@
+"""Pipeline and fake autopilot on one manual clock: a flight, its log, another flight."""
+
+import math
+import random
+import time
+from itertools import pairwise
+
+import pytest
+from log_limits import limits
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from simulated_flight import START_NS, SimulatedFlight
+
+from h2nav.apps.configuration import Configuration, FlightSettings, LogSettings
+from h2nav.apps.fetched_file import FetchedFile, unfinished
+from h2nav.apps.flight_keeper import FlightKeeper
+from h2nav.apps.log_fetcher import LogFetcher
+from h2nav.fetch.log_fetch import PartOfLog
+from h2nav.log.recorder import Recorder
+from h2nav.recordings.recording import open_recording
+from h2nav.service.settings import AutopilotSettings
+from h2nav.sim.personalities import ARDUPILOT, PX4
+from h2nav.sim.scenarios import SCENARIOS, Scenario
+from h2nav.wire import codec
+from h2nav.wire.deframer import Deframer
+
+BYTES_PER_S = 92_160.0
+HOP = SCENARIOS["hop"]
+AGAIN_S = 45.0  # the second hop begins
+PARTS = (mavlink.MAVLINK_MSG_ID_LOG_DATA, mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL)
+FIRST = random.Random(1).randbytes(1_000_000)
+SECOND = random.Random(2).randbytes(200_000)
+
+
+class TwoHops(Scenario):
+    """The hop, and once more."""
+
+    def _one(self, t_s):
+        return t_s if t_s < AGAIN_S else t_s - AGAIN_S
+
+    def motion(self, t_s):
+        return HOP.motion(self._one(t_s))
+
+    def is_armed(self, t_s):
+        return HOP.is_armed(self._one(t_s))
+
+    def is_airborne(self, t_s):
+        return HOP.is_airborne(self._one(t_s))
+
+
+TWO_HOPS = TwoHops(*HOP)
+
+
+class Bench:
+    """A daemon with a record of flights; `parts` and `arming` have the times of what it hears."""
+
+    def __init__(
+        self,
+        folder,
+        flown=TWO_HOPS,
+        *,
+        faults=(),
+        personality=ARDUPILOT,
+        logs=(FIRST,),
+        has_files=True,
+    ):
+        self.folder = folder
+        self.recorder = Recorder(folder, limits())
+        self.parts: list[tuple[float, int]] = []
+        self.is_armed: list[tuple[float, bool]] = []
+        configuration = Configuration(
+            autopilot=AutopilotSettings(simulation_truth=True),
+            log=LogSettings(folder=str(folder)),
+            flights=FlightSettings(review=False, fetch_log=True),
+        )
+
+        def watched_by(itself):
+            self.fetcher = LogFetcher(configuration, itself)
+            return self.fetcher
+
+        flight = self.flight = SimulatedFlight(
+            flown,
+            faults=faults,
+            personality=personality,
+            configuration=configuration,
+            line_bytes_per_s=BYTES_PER_S,
+            recorder=self.recorder,
+            logs=logs,
+            has_files=has_files,
+            watched_by=watched_by,
+        )
+        flight.message_ids |= {*PARTS, mavlink.MAVLINK_MSG_ID_HEARTBEAT}
+        self.fetcher.message_ids |= flight.message_ids
+        flight.pipeline._watched_ids = self.fetcher.message_ids
+        self.watch, flight.frame = flight.frame, self.frame
+        self.keeper = FlightKeeper(configuration, self.recorder, lambda *_: None, self.fetcher)
+        flight.beside += [self.keeper.tend, self._keep_pace]
+
+    def _keep_pace(self, *_):
+        """The manual clock runs faster than any disk."""
+        while len(self.recorder._queue) > 4000:
+            time.sleep(0.002)
+        return []
+
+    def frame(self, t_ns, frame):
+        t_s = (t_ns - START_NS) * 1e-9
+        if frame.msg_id in PARTS:
+            self.parts.append((t_s, len(frame.raw)))
+        elif frame.msg_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self.is_armed.append((t_s, bool(codec.decode(frame).base_mode & 128)))
+        else:
+            self.watch(t_ns, frame)
+
+    def close(self):
+        self.keeper.close()
+        self.recorder.close(10.0)
+
+    def fetched(self):
+        """The fetched logs in the order of the flights."""
+        return [path.read_bytes() for path in sorted(self.folder.glob("*.[bu][il][ng]"))]
+
+
+@pytest.mark.parametrize(
+    ("personality", "has_files"), [(ARDUPILOT, True), (ARDUPILOT, False), (PX4, True)]
+)
+def test_armed_again_the_fetch_stops_and_goes_on_after_the_next_flight(
+    tmp_path, personality, has_files
+):
+    bench = Bench(tmp_path, personality=personality, has_files=has_files)
+    flight = bench.flight
+    flight.run(AGAIN_S + 20.0)
+    armed_s = next(t_s for t_s, armed in bench.is_armed if armed and t_s > AGAIN_S)
+    before = [t_s for t_s, _ in bench.parts if t_s < armed_s]
+    assert armed_s - before[-1] < 0.2  # it was fetching
+    assert all(t_s < armed_s + 0.2 for t_s, _ in bench.parts)
+    assert not bench.fetched()
+
+    flight.autopilot.logs.add(SECOND)
+    flight.run(AGAIN_S + 62.0)
+    bench.close()
+    assert bench.fetched() == [FIRST, SECOND]
+    assert not list(tmp_path.glob("*.part*"))
+    said = [text.split()[2] for _, _, text in flight.seen.notices if text.startswith("log fetched")]
+    assert said == sorted(said, reverse=True)  # that of the last flight first
+    _assert_recorded_in_full(bench, armed_s)
+
+
+def _assert_recorded_in_full(bench, armed_s):
+    """No attitude of the second flight is missing, in the log or as an estimate."""
+    assert bench.recorder.dropped == 0
+    stamps = []
+    for path in sorted(bench.folder.glob("*.mcap")):
+        deframer = Deframer()
+        for _, data in open_recording(path).received():
+            stamps += [
+                codec.decode(frame).time_boot_ms
+                for frame in deframer.feed(data)
+                if frame.msg_id == mavlink.MAVLINK_MSG_ID_ATTITUDE
+            ]
+    first, last = stamps[0], stamps[-1]
+    period_ms = (last - first) / (len(stamps) - 1)
+    assert max(b - a for a, b in pairwise(stamps)) < 1.6 * period_ms
+    estimates = bench.flight.estimates_between(armed_s, armed_s + 20.0)
+    gaps = [b.t_us - a.t_us for a, b in pairwise(estimates)]
+    assert max(gaps) < 1.6 * sum(gaps) / len(gaps)
+
+
+def test_a_cut_of_twenty_seconds_and_a_restart_of_the_daemon_cost_nothing(tmp_path):
+    bench = Bench(tmp_path, faults=("drop=1@45+20",), logs=(FIRST,))
+    bench.flight.run(50.0)
+    had = bench.fetcher.fetched_bytes
+    assert had > 100_000
+    bench.close()
+    ((path, part),) = unfinished(tmp_path)
+    assert part.size - sum(end - start for start, end in part.gaps) == had
+
+    again = Bench(tmp_path, SCENARIOS["rest"], logs=(FIRST, SECOND))
+    again.flight.run(30.0)
+    again.close()
+    assert path.read_bytes() == FIRST
+    assert again.fetcher.fetched_bytes < 1.05 * (len(FIRST) - had)
+
+
+def test_an_arming_text_stops_it_before_the_heartbeat(tmp_path):
+    bench = Bench(tmp_path)
+    bench.flight.run(45.0)
+    assert bench.parts[-1][0] > 44.8
+    bench.flight.inject(mavlink.MAVLink_statustext_message(6, b"Arming motors"))
+    bench.flight.run(46.8)
+    assert bench.parts[-1][0] < 45.2
+    bench.flight.run(47.9)  # it was not armed: it goes on
+    assert bench.parts[-1][0] > 47.7
+    bench.close()
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        b"",
+        b"{}",
+        b'{"size":100,"time_utc":1,"gaps":[[50,200]]}',
+        b'{"size":100,"time_utc":1,"gaps":[[60,50]]}',
+        b'{"size":1e400,"time_utc":1,"gaps":[]}',
+        b'{"size":100,"time_utc":1,"gaps":[[-5,50]]}',
+    ],
+)
+def test_a_note_that_cannot_be_true_is_removed_with_its_parts(tmp_path, note):
+    (tmp_path / "a.bin.part").write_bytes(b"x" * 100)
+    (tmp_path / "a.bin.part.json").write_bytes(note)
+    assert unfinished(tmp_path) == []
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_begun_log_whose_parts_are_gone_is_not_made_up(tmp_path):
+    part = PartOfLog(100, 1, ((50, 100),))
+    file = FetchedFile(tmp_path / "a.bin", part)
+    file.write(50, b"x" * 50)
+    file.complete()
+    file.wait(10.0)
+    assert file.trouble
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_the_newest_unfinished_logs_are_kept(tmp_path):
+    for number in range(6):
+        part = PartOfLog(100, 1, ((0, 100),))
+        file = FetchedFile(tmp_path / f"{number}.bin", part)
+        file.write(0, b"12345")
+        file.set_aside(part._replace(gaps=((5, 100),)))
+        file.wait(10.0)
+    assert [path.name for path, _ in unfinished(tmp_path)] == ["5.bin", "4.bin", "3.bin", "2.bin"]
+    assert len(list(tmp_path.iterdir())) == 8
+    assert math.isclose((tmp_path / "5.bin.part").stat().st_size, 5)
