@@ -84,6 +84,13 @@ class Choice(NamedTuple):
     speaker: Speaker  # the autopilot
 
 
+class Flights(NamedTuple):
+    """What becomes of a flight after landing."""
+
+    reviews: bool = True  # it is reviewed
+    fetches_log: bool = False  # the autopilot's own log is fetched; over no telemetry radio
+
+
 def run(args: argparse.Namespace) -> int:
     """Scans, reports, writes, starts; returns 0 if there is an autopilot."""
     output = args.output or (SERVICE_CONFIG if os.geteuid() == 0 else USER_CONFIG)
@@ -105,9 +112,12 @@ def run(args: argparse.Namespace) -> int:
     if not asks and not args.yes:
         return 0
     chosen = _pick(_with_system(choices, args.system_id), asks)
-    if chosen is None or not _write(
-        output, chosen, choices, replaces, asks, fetches_log=args.fetch_log
-    ):
+    if chosen is None:
+        return 0
+    flights = Flights(fetches_log=args.fetch_log)
+    if asks:
+        flights = _asked_about_flights(flights)
+    if not _write(output, chosen, choices, replaces, asks, flights):
         return 0
     if not args.no_service and os.geteuid() == 0 and output == SERVICE_CONFIG:
         _offer_service(asks)
@@ -259,8 +269,7 @@ def _write(
     choices: Sequence[Choice],
     replaces: bool,
     asks: bool,
-    *,
-    fetches_log: bool,
+    flights: Flights,
 ) -> bool:
     """Writes and checks the configuration; returns False if the user declines."""
     if asks and not _agrees(f"write {output}?"):
@@ -269,7 +278,7 @@ def _write(
     if keeps and not (asks and _agrees(f"{output} exists; replace it?")):
         return False
     others = [each for each in choices if each.hearing is chosen.hearing]
-    text = configuration_text(chosen, is_shared=len(others) > 1, fetches_log=fetches_log)
+    text = configuration_text(chosen, len(others) > 1, flights)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(text, encoding="utf-8")
@@ -282,12 +291,12 @@ def _write(
     return True
 
 
-def configuration_text(chosen: Choice, is_shared: bool, *, fetches_log: bool = False) -> str:
+def configuration_text(chosen: Choice, is_shared: bool, flights: Flights) -> str:
     """The example for this kind of link, with this link's URL.
 
     Args:
         is_shared: other autopilots are on the same link, so that this one has to be named.
-        fetches_log: the autopilot's own log is fetched after each flight; over no telemetry radio.
+        flights: what becomes of them.
     """
     target = parse_link_url(chosen.hearing.url)
     is_px4 = chosen.speaker.heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
@@ -305,9 +314,21 @@ def configuration_text(chosen: Choice, is_shared: bool, *, fetches_log: bool = F
             text += line
     if os.geteuid() != 0:
         text = text.replace(SERVICE_LOGS, USER_LOGS).replace(SERVICE_TOKEN, USER_TOKEN)
-    if fetches_log:
+    if flights.fetches_log:
         text = text.replace("  fetch_log: false ", "  fetch_log: true  ")
+    if not flights.reviews:
+        text = text if "\nflights:\n" in text else text + "\nflights:\n"
+        text = text.replace("\nflights:\n", "\nflights:\n  review: false\n")
     return text
+
+
+def _asked_about_flights(flights: Flights) -> Flights:
+    reviews = _agrees("review every flight after landing, at idle priority?")
+    fetches = reviews and (
+        flights.fetches_log
+        or _agrees("fetch the autopilot's own log for it (while disarmed)?", is_usual=False)
+    )
+    return Flights(reviews, fetches)
 
 
 def _offer_service(asks: bool) -> None:
@@ -323,8 +344,9 @@ def _offer_service(asks: bool) -> None:
     print("h2nav.service runs; `h2nav status` shows its state, `journalctl -fu h2nav` follows it")
 
 
-def _agrees(question: str) -> bool:
-    return input(f"{question} [Y/n] ").strip().lower() in ("", "y", "yes")
+def _agrees(question: str, *, is_usual: bool = True) -> bool:
+    answer = input(f"{question} [{'Y/n' if is_usual else 'y/N'}] ").strip().lower()
+    return answer in ("y", "yes") or (is_usual and not answer)
 
 
 def _document(ports: Sequence[PortListing], hearings: Sequence[Hearing]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps import check_config, configuration, setup
-from h2nav.apps.setup import Choice, configuration_text
+from h2nav.apps.setup import Choice, Flights, configuration_text
 from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
 from h2nav.host.system_unit import unit_text
 from h2nav.links import link_scan
@@ -53,7 +53,7 @@ def test_the_configuration_names_the_link_and_is_valid(
     url: str, heartbeat: Heartbeat, tmp_path: Path
 ) -> None:
     path = tmp_path / "config.yaml"
-    path.write_text(configuration_text(choice(url, heartbeat), is_shared=False))
+    path.write_text(configuration_text(choice(url, heartbeat), False, Flights()))
     assert configuration.read(path).link.url == url
 
 
@@ -62,7 +62,9 @@ def test_one_of_several_autopilots_on_a_link_is_named_by_its_system(
     heartbeat: Heartbeat, tmp_path: Path
 ) -> None:
     path = tmp_path / "config.yaml"
-    path.write_text(configuration_text(choice("udpin:0.0.0.0:14550", heartbeat, 7), is_shared=True))
+    path.write_text(
+        configuration_text(choice("udpin:0.0.0.0:14550", heartbeat, 7), True, Flights())
+    )
     assert configuration.read(path).autopilot.system_id == 7
 
 
@@ -145,3 +147,33 @@ def test_bytes_without_frames_are_told_from_silence(
 def test_the_unit_starts_the_program_that_set_it_up() -> None:
     text = unit_text("/home/me/venv/bin/h2nav")
     assert "ExecStart=/home/me/venv/bin/h2nav run -c /etc/h2nav/config.yaml" in text
+
+
+@pytest.mark.parametrize(
+    ("answers", "reviews", "fetches"),
+    [("", True, False), ("y", True, True), ("nn", False, False)],
+)
+def test_at_a_terminal_it_asks_about_flights(
+    heard: list[Choice],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    answers: str,
+    reviews: bool,
+    fetches: bool,
+) -> None:
+    heard.append(choice("serial:/dev/ttyAMA0:921600"))
+    asked: list[str] = []
+
+    def answer(question: str) -> str:
+        asked.append(question)
+        if question.startswith("review"):
+            return "n" if answers == "nn" else ""
+        return answers[:1] if question.startswith("fetch") else ""
+
+    monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr(setup.sys.stdin, "isatty", lambda: True, raising=False)
+    path = tmp_path / "config.yaml"
+    assert main(["setup", "-o", str(path), "--no-service"]) == SUCCESS
+    flights = configuration.read(path).flights
+    assert (flights.review, flights.fetch_log) == (reviews, fetches)
+    assert any(each.startswith("review every flight") for each in asked)
