@@ -1,11 +1,17 @@
-"""Frames that a link lost, by the numbers that every sender gives to its own."""
+"""Frames that a link lost, by the numbers that every sender gives to its own.
+
+A recording of some messages alone lacks numbers too. What a link loses is missing from every
+stream, so that the steps of one stream's own time stamps bound the share.
+"""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from h2nav.wire.frame_scan import FoundFrames
 
 # A jump of more than this, of 256 numbers, is an older frame that came late, or another link.
 _MAX_AT_ONCE = 128
+_MIN_STEPS = 20
 
 
 class LostFrames:
@@ -35,3 +41,18 @@ class LostFrames:
         sender = system << 8 | component
         came, lost = self._came.get(sender, 0), self._lost.get(sender, 0)
         return lost / (came + lost) if came else None
+
+
+def missing_share(stamps_ms: NDArray[np.int64]) -> float | None:
+    """The share of a stream that is missing by the steps of its stamps; None if they are too few.
+
+    Args:
+        stamps_ms: (N,) of one stream in the order of arrival.
+    """
+    steps = np.diff(stamps_ms)
+    steps = steps[steps > 0]
+    if len(steps) < _MIN_STEPS:
+        return None
+    periods = np.rint(steps / np.median(steps))
+    missing = float((periods[periods < _MAX_AT_ONCE] - 1.0).clip(min=0.0).sum())
+    return missing / (missing + len(steps) + 1.0)

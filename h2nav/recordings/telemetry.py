@@ -30,7 +30,7 @@ from h2nav.recordings.context import (
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
-from h2nav.recordings.lost_frames import LostFrames
+from h2nav.recordings.lost_frames import LostFrames, missing_share
 from h2nav.recordings.recording import Recording
 from h2nav.recordings.rotations import quaternions
 from h2nav.recordings.spans import silences, spans
@@ -93,7 +93,18 @@ def read_context(recording: Recording) -> Context:
     beats = _heartbeats(tables)
     if beats is None:
         return context
-    return context._replace(link_loss_share=lost.share(*beats.senders[0].tolist()))
+    return context._replace(link_loss_share=_loss(tables, lost, beats.senders[0]))
+
+
+def _loss(tables: Tables, lost: LostFrames, sender: NDArray[np.int64]) -> float | None:
+    """Frames of the autopilot that the link lost, of all."""
+    share = lost.share(*sender.tolist())
+    attitudes = tables.get(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+    if share is None or attitudes is None:
+        return share
+    own = (attitudes.senders == sender).all(axis=1)
+    missing = missing_share(attitudes.fields["time_boot_ms"][own].astype(np.int64))
+    return share if missing is None else min(share, missing)
 
 
 def context_of(

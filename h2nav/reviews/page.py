@@ -22,6 +22,7 @@ from h2nav.reviews.pictures import (
     control,
     event,
     grounds,
+    past,
     sensors,
     spectra,
     timeline,
@@ -124,6 +125,7 @@ def _sections(
         spectra.spectra(analysis),
         sensors.receivers(flight, analysis),
         sensors.timing(flight, analysis),
+        past.past(flight, analysis),
     )
 
 

@@ -1,5 +1,6 @@
 """The same autopilot has the same id, whatever recorded it."""
 
+import random
 import struct
 
 import numpy as np
@@ -82,3 +83,22 @@ def test_frames_that_the_link_lost(tmp_path, lost, share):
     attitude = mavlink.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0)
     found = telemetry(tmp_path, mavlink.MAV_AUTOPILOT_PX4, *[attitude] * 9, lost=lost)
     assert found.link_loss_share == pytest.approx(share)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1])
+def test_a_recording_of_some_messages_alone_has_lost_no_more_than_its_streams(tmp_path, share):
+    dice = random.Random(4)
+    frames = []
+    for number in range(1200):
+        frames += [
+            mavlink.MAVLink_attitude_message(20 * number, 0, 0, 0, 0, 0, 0),
+            mavlink.MAVLink_raw_imu_message(0, *[0] * 9),
+        ]
+    left_out = [
+        place for place, each in enumerate(frames) if each.get_type() == "RAW_IMU"
+    ]  # whoever recorded it did not want them
+    lost = {*left_out, *(place for place in range(len(frames)) if dice.random() < share)}
+    found = telemetry(
+        tmp_path, mavlink.MAV_AUTOPILOT_PX4, *frames, lost=[1 + each for each in lost]
+    )
+    assert found.link_loss_share == pytest.approx(share, abs=0.02)

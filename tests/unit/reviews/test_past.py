@@ -14,6 +14,7 @@ from h2nav.recordings.context import (
 )
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.document import document
+from h2nav.reviews.pictures.past import past as past_section
 from h2nav.reviews.subjects.past import TREND
 
 UNIX_S, DAY_S = 1_767_225_600.0, 86_400.0
@@ -151,3 +152,15 @@ def test_hover_throttle_needs_a_hover():
     still = Series(T_S, np.zeros(len(T_S)))
     found = features(climb_m_s=Series(T_S, np.full(len(T_S), 3.0)), throttle=still)
     assert "hover_throttle" not in found
+
+
+def test_the_page_shows_the_figure_over_the_flights_what_differs_first():
+    made = flown(motors=motors((0.0, 60.0, 0.0, 0.0)))._replace(earlier=past())
+    section = past_section(made, analyse(made))
+    shown = {one.title: one for one in section.pictures}
+    motor = shown["Motor 2"]
+    assert (motor.x[0], motor.x[-1], motor.unit) == (-12.0, 0.0, "us")
+    assert motor.traces[0].values[-1] == pytest.approx(60.0 * 0.75, abs=20.0)
+    assert abs(motor.traces[0].values[:-1]).max() < 15.0
+    assert {one.title for one in section.further} >= {"Hover throttle"} - set(shown)
+    assert not past_section(flown(), analyse(flown())).pictures
