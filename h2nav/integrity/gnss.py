@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.gnss_signals import SignalLevels, SignalWatch
 from h2nav.maths.units import EARTH_RADIUS_M
 
 # States of MAVLink's GPS_JAMMING_STATE and GPS_SPOOFING_STATE, and of PX4's sensor_gps.
@@ -65,12 +66,24 @@ class GnssVerdict:
         self._spoofed: tuple[int, float, float] | None = None  # since, way and difference, m
         self._apart_us: int | None = None
         self._apart = (0.0, 0.0)  # m, m/s
+        self._signals: dict[int, SignalWatch] = {}  # of the receivers that measure power
+        self._used = SignalWatch()  # counts the satellites of the receiver in use
         self._now_us = 0
 
     def state(self, t_us: int, state: SignalState) -> None:
         """Takes what a receiver says of its signals."""
         self._now_us = max(self._now_us, t_us)
         self._states[state.receiver] = t_us, state
+
+    def levels(self, t_us: int, receiver: int, measured: SignalLevels) -> None:
+        """Takes what a receiver measures of the power at its antenna."""
+        self._now_us = max(self._now_us, t_us)
+        self._signals.setdefault(receiver, SignalWatch()).levels(t_us, measured)
+
+    def count(self, t_us: int, satellites: int) -> None:
+        """Takes the number of satellites that an armed vehicle uses; 0 without a fix."""
+        self._now_us = max(self._now_us, t_us)
+        self._used.count(t_us, satellites)
 
     def fix(
         self, velocity: VelocityFix, latitude_deg: float, longitude_deg: float, *, is_false: bool
@@ -159,7 +172,33 @@ class GnssVerdict:
 
     def _jammed(self) -> Alarm | None:
         said = self._said("jamming")
-        return None if said is None else _by_receiver(Kind.GNSS_JAMMED, "jammed", *said)
+        if said is not None:
+            return _by_receiver(Kind.GNSS_JAMMED, "jammed", *said)
+        for watch in self._signals.values():
+            watch.forget_old(self._now_us)
+        raised = next((each for each in self._signals.values() if each.raised), None)
+        lost, knows_levels = self._used.lost, any(w.knows_levels for w in self._signals.values())
+        if raised is None and (lost is None or knows_levels):
+            return None  # satellites lost without more power at the antenna: not by jamming
+        evidence = [] if raised is None else [f"the receiver measures {raised.raised}"]
+        since_us = self._used.since_us if raised is None else raised.since_us
+        if lost is not None:
+            evidence.append(f"satellites {lost[0]} -> {lost[1]}")
+            since_us = min(since_us, self._used.since_us)
+        if raised is None:
+            evidence.append("an antenna that fails looks alike")
+        is_decided = raised is not None and lost is not None
+        return Alarm(
+            Kind.GNSS_JAMMED,
+            GPS,
+            Severity.WARNING if is_decided else Severity.NOTICE,
+            float(MITIGATED if not is_decided else DETECTED),
+            "",
+            f"GNSS {'is' if is_decided else 'may be'} jammed",
+            "; ".join(evidence),
+            since_s=self._since_s(since_us),
+            is_decided=is_decided,
+        )
 
     def _spoofed_signals(self) -> Alarm | None:
         said = self._said("spoofing")

@@ -4,6 +4,7 @@ The importers of the formats (`dataflash`, `ulog`) return arrays; this module tu
 typed records that the service would have received in flight, in the order of their times.
 """
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import repeat
@@ -42,7 +43,7 @@ from h2nav.recordings.log_rows import Log
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.dialect import GNSS_INTEGRITY_ID
 from h2nav.wire.imu import RECORDED_IMU, ImuReading
-from h2nav.wire.position import GnssState, GpsFix, NoFix, Origin, Place
+from h2nav.wire.position import GnssLevels, GnssState, GpsFix, NoFix, Origin, Place
 from h2nav.wire.readers import Envelope, Message
 from h2nav.wire.vehicle import (
     EARLIEST_UNIX_S,
@@ -174,6 +175,7 @@ def _streams(recorded: Recorded) -> list[_Stream]:
         streams.append(_Stream(seconds[:1], message_id, lambda part: repeat(origin)))
     for receiver in context.gps:
         streams += _signal_states(recorded, receiver)
+        streams += _signal_levels(recorded, receiver)
         if receiver.receiver == recorded.receiver:
             streams.append(_fixes(recorded, receiver))
     if recorded.airspeed_m_s is not None:
@@ -255,6 +257,19 @@ def _signal_states(recorded: Recorded, track: GpsTrack) -> list[_Stream]:
     return [_Stream(t_us, GNSS_INTEGRITY_ID, make)]
 
 
+def _signal_levels(recorded: Recorded, track: GpsTrack) -> list[_Stream]:
+    """What a receiver measures of the power at its antenna; nothing if it does not."""
+    power = track.power
+    if power is None:
+        return []
+
+    def make(part: slice) -> Iterator[Message]:
+        for noise, gain, line in power.values[part].tolist():
+            yield GnssLevels(track.receiver, noise, gain, line)
+
+    return [_Stream(_boot_us(recorded.start_us, power.t_s), GNSS_INTEGRITY_ID, make)]
+
+
 def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:
     def make(part: slice) -> Iterator[Message]:
         rows = zip(
@@ -265,15 +280,17 @@ def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:
             track.altitude_m[part].tolist(),
             _vectors(track.v_n[part]),
             track.sigma_m_s[part].tolist(),
+            track.satellites[part].tolist(),
             strict=True,
         )
-        for has_fix, stamp_us, latitude, longitude, altitude, v_n, sigma in rows:
+        for has_fix, stamp_us, latitude, longitude, altitude, v_n, sigma, satellites in rows:
             if not has_fix:
                 yield NoFix()
                 continue
             is_known = v_n[0] == v_n[0] and v_n[1] == v_n[1]
             place = Place(latitude, longitude, altitude)
-            yield GpsFix(stamp_us, place, v_n if is_known else None, sigma)
+            count = int(satellites) if math.isfinite(satellites) else None
+            yield GpsFix(stamp_us, place, v_n if is_known else None, sigma, count)
 
     t_us = _boot_us(recorded.start_us, track.t_s)
     return _Stream(t_us, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, make)

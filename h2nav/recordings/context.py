@@ -99,11 +99,13 @@ class GpsTrack(NamedTuple):
     # (N,) what it says of its signals: GPS_JAMMING_STATE and GPS_SPOOFING_STATE; None if nothing
     jamming: NDArray[np.int64] | None = None
     spoofing: NDArray[np.int64] | None = None
+    # (K, 3) the power at its antenna: noise, gain, narrow lines; None if it measures nothing
+    power: "Series | None" = None
 
     def part(self, rows: slice | NDArray[np.bool_]) -> "GpsTrack":
         """Some of the fixes."""
         columns = self._asdict()
-        columns.pop("receiver")
+        del columns["receiver"], columns["power"]  # the latter has times of its own
         return self._replace(**{n: c[rows] for n, c in columns.items() if c is not None})
 
 

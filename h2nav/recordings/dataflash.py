@@ -398,12 +398,13 @@ def _batches(log: DataflashRows) -> Iterator[Burst]:
 def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
     """Receivers; times of measurement of the one in use, and its number."""
     accuracies = {rows.number: rows for rows in log.instances("GPA", "SAcc")}
+    powers = {rows.number: _power(rows) for rows in log.instances("UBX1", "noisePerMS", "jamInd")}
     tracks, stamps, uses = [], {}, {}
     for rows in log.instances("GPS", "Status", "Lat", "Lng", "Alt", "Spd", "GCrs"):
         if rows.number >= MAX_RECEIVERS:
             continue
         track, stamp_us = _receiver(rows, accuracies.get(rows.number))
-        tracks.append(track)
+        tracks.append(track._replace(power=powers.get(rows.number)))
         stamps[rows.number] = stamp_us
         used = rows.table.integers("U") != 0 if "U" in rows.table else np.ones(len(rows.t_us))
         uses[rows.number] = np.count_nonzero(track.has_fix & used.astype(np.bool_))
@@ -411,6 +412,13 @@ def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
         return (), np.empty(0, np.int64), 0
     receiver = max(uses, key=lambda number: uses[number])
     return tuple(tracks), stamps[receiver], receiver
+
+
+def _power(rows: Rows) -> Series:
+    """What a u-blox receiver measures at its antenna; 0 where its firmware does not."""
+    table = rows.table
+    columns = ("noisePerMS", "agcCnt", "jamInd")
+    return Series(rows.t_s, np.stack([table.numbers_or_nan(name) for name in columns], axis=1))
 
 
 def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:

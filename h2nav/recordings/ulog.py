@@ -37,6 +37,7 @@ from h2nav.recordings.context import (
     Context,
     GpsTrack,
     Said,
+    Series,
     Span,
 )
 from h2nav.recordings.context_fields import table_fields
@@ -51,6 +52,8 @@ from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
 from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
 
 ARMED = 2
+# What a receiver measures of the power at its antenna.
+POWER = ("noise_per_ms", "automatic_gain_control", "jamming_indicator")
 # Longest averaging time of a sample.
 LONGEST_MEAN_US = 100_000
 FIFO_VALUES = 32
@@ -386,10 +389,9 @@ def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
         v_n,
         np.where(sigma > 0.0, sigma, DEFAULT_SIGMA_M_S),
         table.numbers_or_nan("satellites_used"),
-        *(
-            table.integers(name) if name in table else None
-            for name in ("jamming_state", "spoofing_state")
-        ),
+        table.integers("jamming_state") if "jamming_state" in table else None,
+        table.integers("spoofing_state") if "spoofing_state" in table else None,
+        Series(rows.t_s, np.stack([table.numbers_or_nan(name) for name in POWER], axis=1)),
     )
 
 

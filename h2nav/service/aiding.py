@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.integrity.gnss import GnssVerdict, SignalState
+from h2nav.integrity.gnss_signals import SignalLevels
 from h2nav.integrity.witness import Witness
 from h2nav.maths.air import standard_density_kg_m3, true_airspeed_m_s
 from h2nav.maths.units import SECOND_NS
@@ -23,8 +24,10 @@ from h2nav.service.settings import AidingSettings, NorthSettings
 from h2nav.wire.position import (
     DEFAULT_SIGMA_M_S,
     EstimatedVelocity,
+    GnssLevels,
     GnssState,
     GpsFix,
+    NoFix,
     Origin,
     OtherFix,
     Place,
@@ -212,13 +215,21 @@ class Aiding:
         """Takes the place of the start, which suffices until the position is known."""
         return [] if self._field.is_known else self.on_place(t_ns, origin.place)
 
-    def on_receiver(self, t_ns: int, said: GpsFix | OtherFix | GnssState) -> list[Effect]:
+    def on_receiver(
+        self, t_ns: int, said: GpsFix | NoFix | OtherFix | GnssState | GnssLevels
+    ) -> list[Effect]:
         """Takes what a receiver sends."""
+        heard_us = self._estimation.heard_t_us
+        if heard_us is not None and isinstance(said, GpsFix | NoFix) and self._autopilot.is_armed:
+            count = said.satellites if isinstance(said, GpsFix) else 0
+            if count is not None:
+                self.gnss.count(heard_us, count)
         if isinstance(said, GpsFix):
             return self.on_gps(t_ns, said)
-        heard_us = self._estimation.heard_t_us
         if heard_us is not None and isinstance(said, GnssState):
             self.gnss.state(heard_us, SignalState(*said))
+        elif heard_us is not None and isinstance(said, GnssLevels):
+            self.gnss.levels(heard_us, said.receiver, SignalLevels(*said[1:]))
         elif heard_us is not None and isinstance(said, OtherFix):
             velocity, place = gps_velocity(said.fix, heard_us), said.fix.place
             if velocity is not None:

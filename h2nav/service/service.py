@@ -49,8 +49,10 @@ from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.outbound import OutMessage
 from h2nav.wire.position import (
     EstimatedVelocity,
+    GnssLevels,
     GnssState,
     GpsFix,
+    NoFix,
     Origin,
     OtherFix,
     Place,
@@ -525,7 +527,7 @@ class Service:
         """Takes a report of the bound autopilot on itself and its vehicle."""
         aiding = self._aiding
         match message:
-            case GpsFix() | OtherFix() | GnssState():
+            case GpsFix() | NoFix() | OtherFix() | GnssState() | GnssLevels():
                 return aiding.on_receiver(t_ns, message)
             case Place():
                 return aiding.on_place(t_ns, message)

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.samples import Vec3
 from h2nav.wire.refused import LATEST_USEC, Refused, need_within
 
+UNKNOWN_UINT8 = 255
 UNKNOWN_UINT16 = 65_535
 FULL_CIRCLE_CDEG = 36_000
 HIGHEST_ALTITUDE_M = 100_000.0
@@ -39,6 +40,7 @@ class GpsFix(NamedTuple):
     # component, which is NaN then; autopilots' own logs have it.
     v_n: Vec3 | None
     sigma_m_s: float  # accuracy of the velocity stated by the receiver
+    satellites: int | None = None  # in use; None = unknown
 
 
 class NoFix(NamedTuple):
@@ -51,12 +53,28 @@ class OtherFix(NamedTuple):
     fix: GpsFix  # of the second receiver
 
 
+class NoOtherFix(NamedTuple):
+    """GPS2_RAW without a 3D fix."""
+
+
 class GnssState(NamedTuple):
     """GNSS_INTEGRITY: what a receiver says of its signals; numbers of newer dialects included."""
 
     receiver: int  # its number, from 0
     jamming: int  # GPS_JAMMING_STATE
     spoofing: int  # GPS_SPOOFING_STATE
+
+
+class GnssLevels(NamedTuple):
+    """What a receiver measures of the power at its antenna, in autopilots' own logs; NaN unknown.
+
+    The fields are those of `h2nav.integrity.gnss_signals.SignalLevels`.
+    """
+
+    receiver: int  # its number, from 0
+    noise: float
+    gain: float
+    line: float
 
 
 class EstimatedVelocity(NamedTuple):
@@ -73,19 +91,20 @@ def gps_raw_int(m: Any) -> GpsFix | NoFix:
     place = _place("gps_position_out_of_range", m.lat, m.lon, m.alt)
     time_us = m.time_usec if m.time_usec <= LATEST_USEC else 0
     sigma_m_s = m.vel_acc * 1e-3 or DEFAULT_SIGMA_M_S
+    satellites = None if m.satellites_visible == UNKNOWN_UINT8 else m.satellites_visible
     if UNKNOWN_UINT16 in (m.vel, m.cog):
-        return GpsFix(time_us, place, None, sigma_m_s)
+        return GpsFix(time_us, place, None, sigma_m_s, satellites)
     if m.cog > FULL_CIRCLE_CDEG:
         raise Refused("gps_course_out_of_range")
     speed_m_s, course = m.vel * 0.01, math.radians(m.cog * 0.01)
     v_n = (speed_m_s * math.cos(course), speed_m_s * math.sin(course), math.nan)
-    return GpsFix(time_us, place, v_n, sigma_m_s)
+    return GpsFix(time_us, place, v_n, sigma_m_s, satellites)
 
 
-def gps2_raw(m: Any) -> OtherFix | NoFix:
+def gps2_raw(m: Any) -> OtherFix | NoOtherFix:
     """GPS2_RAW, like GPS_RAW_INT."""
     fix = gps_raw_int(m)
-    return OtherFix(fix) if isinstance(fix, GpsFix) else fix
+    return OtherFix(fix) if isinstance(fix, GpsFix) else NoOtherFix()
 
 
 def gnss_integrity(m: Any) -> GnssState:

@@ -12,9 +12,11 @@ from h2nav.wire.imu import IMU_MESSAGES, RECORDED_IMU, ImuReading
 from h2nav.wire.motion import PoseReading, WheelDistances
 from h2nav.wire.position import (
     EstimatedVelocity,
+    GnssLevels,
     GnssState,
     GpsFix,
     NoFix,
+    NoOtherFix,
     Origin,
     OtherFix,
     Place,
@@ -38,6 +40,8 @@ Message = (
     | OtherFix
     | GnssState
     | NoFix
+    | NoOtherFix
+    | GnssLevels
     | Place
     | Origin
     | EstimatedVelocity
