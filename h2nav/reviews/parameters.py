@@ -36,5 +36,8 @@ def _as_set(value: float) -> Value:
     """Autopilots hold integers and float32: shows no more digits than that. None if not finite."""
     if not math.isfinite(value):
         return None
-    is_integer = value == int(value) and abs(value) < MAX_INTEGER
-    return int(value) if is_integer else float(str(np.float32(value)))
+    if value == int(value) and abs(value) < MAX_INTEGER:
+        return int(value)
+    with np.errstate(over="ignore"):
+        shown = float(str(np.float32(value)))
+    return shown if math.isfinite(shown) else None
