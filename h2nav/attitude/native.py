@@ -14,6 +14,7 @@ from importlib import resources
 from types import ModuleType
 
 from h2nav.attitude.kernel_files import COMPILED, KernelFiles, digest
+from h2nav.attitude.record import place_of, writer
 from h2nav.errors import BadInput
 
 SWITCH = "H2NAV_NATIVE"
@@ -71,6 +72,8 @@ class CompiledStep:
 
     def __init__(self, native: ModuleType, kernel: KernelFiles, code: str) -> None:
         self._run = native.run
+        # Missing in an extension from before it was there.
+        self._bind: Callable[..., Callable[..., int]] | None = getattr(native, "bind", None)
         self._number = COMPILED.index(kernel)
         self._result = array(code, [0] * RESULT_COLUMNS)
 
@@ -81,6 +84,17 @@ class CompiledStep:
             records: arguments of the step in Python, in order.
         """
         return partial(self._run, self._number, *_in_full(records), self._result)
+
+    def taking(
+        self, records: Sequence[object], place: tuple[int, int]
+    ) -> Callable[..., int] | None:
+        """A function that writes numbers into the sample, processes it and returns bits.
+
+        Args:
+            records: arguments of the step in Python, in order; the sample is the last.
+            place: of the first of the numbers in the sample, and how many they are.
+        """
+        return None if self._bind is None else self._bind(self._number, *_in_full(records), *place)
 
     def run(self, records: Sequence[object], samples: object, results: object) -> None:
         """Processes many samples.
@@ -109,3 +123,32 @@ def compiled_step(kernel: KernelFiles) -> CompiledStep | None:
     if native is None:
         return None
     return CompiledStep(native, kernel, native.number_codes[COMPILED.index(kernel)])
+
+
+def stepping(
+    step: Callable[..., int],
+    compiled: CompiledStep | None,
+    records: Sequence[object],
+    sample_type: type,
+    fields: tuple[str, str],
+) -> Callable[..., int]:
+    """A function of the numbers for some adjacent fields of a sample: writes, steps, returns bits.
+
+    Args:
+        step: of a kernel of doubles, in Python.
+        compiled: the same; None for the one in Python.
+        records: the step's arguments; the sample is the last.
+        sample_type: its type.
+        fields: the first and the last of the fields.
+    """
+    bound = None if compiled is None else compiled.taking(records, place_of(sample_type, *fields))
+    if bound is not None:
+        return bound
+    write = writer(records[-1], sample_type, *fields)
+    run = partial(step, *records) if compiled is None else compiled.bound(*records)
+
+    def written(*numbers: float) -> int:
+        write(*numbers)
+        return run()
+
+    return written

@@ -248,15 +248,24 @@ def writer(record: object, record_type: type, first: str, last: str) -> Callable
         first: name of the first field.
         last: name of the last one.
     """
-    names = [row.name for row in rows(record_type)]
-    start, stop = names.index(first), names.index(last) + 1
-    found = rows(record_type)[start:stop]
     if not is_in_c(record):
-        return functools.partial(_write, record, found)
+        return functools.partial(_write, record, _fields(record_type, first, last))
     code, width = _number_format(record_type)
-    before = sum(row.length for row in rows(record_type)[:start])
-    layout = struct.Struct(f"{sum(row.length for row in found)}{code}")
+    before, count = place_of(record_type, first, last)
+    layout = struct.Struct(f"{count}{code}")
     return functools.partial(layout.pack_into, cast(ctypes.Structure, record), width * before)
+
+
+def place_of(record_type: type, first: str, last: str) -> tuple[int, int]:
+    """Where the numbers of adjacent fields begin in a record, and how many they are."""
+    found = _fields(record_type, first, last)
+    before = rows(record_type)[: rows(record_type).index(found[0])]
+    return sum(row.length for row in before), sum(row.length for row in found)
+
+
+def _fields(record_type: type, first: str, last: str) -> tuple[Row, ...]:
+    names = [row.name for row in rows(record_type)]
+    return rows(record_type)[names.index(first) : names.index(last) + 1]
 
 
 def _write(record: object, found: Sequence[Row], *numbers: Number) -> None:

@@ -149,7 +149,10 @@ class Preflight:
         """
         t_us, w_b, f_b, m_b_ut, _ = sample
         if 0 <= imu < MAX_IMUS:
-            self._imus.setdefault(imu, RestWindows()).take(t_us, w_b, f_b, m_b_ut, field_is_raw)
+            windows = self._imus.get(imu)
+            if windows is None:
+                windows = self._imus[imu] = RestWindows()
+            windows.take(t_us, w_b, f_b, m_b_ut, field_is_raw)
 
     def on_earth(self, earth: EarthField) -> None:
         """Takes the earth's field."""

@@ -1,11 +1,8 @@
 """Runs the kernels for every sample of one IMU: one call before the filter, one after it."""
 
-from collections.abc import Callable
-from functools import partial
-
 from h2nav.attitude.kernel_files import SENSOR_CHECKS, SENSOR_WINDOWS
-from h2nav.attitude.native import compiled_step
-from h2nav.attitude.record import in_c, writer
+from h2nav.attitude.native import compiled_step, stepping
+from h2nav.attitude.record import in_c
 from h2nav.attitude.samples import ImuSample, Vec3
 from h2nav.integrity.kernel.checks import check
 from h2nav.integrity.kernel.memory import Gains, Memory, Sample
@@ -25,16 +22,11 @@ class Watch:
     def __init__(self) -> None:
         self.memory, self.gains, sample = Memory(), Gains(), Sample()
         checks, windows = compiled_step(SENSOR_CHECKS), compiled_step(SENSOR_WINDOWS)
-        if checks is None or windows is None:
-            records = (self.memory, self.gains, sample)
-            self._check: Callable[[], int] = partial(check, *records)
-            self._follow: Callable[[], int] = partial(follow, *records)
-        else:
+        if checks is not None:
             self.memory, self.gains, sample = in_c(Memory), in_c(Gains), in_c(Sample)
-            self._check = checks.bound(self.memory, self.gains, sample)
-            self._follow = windows.bound(self.memory, self.gains, sample)
-        self._measure = writer(sample, Sample, "t_us", "clipped")
-        self._give_rate = writer(sample, Sample, "rate", "rate")
+        records = (self.memory, self.gains, sample)
+        self._check = stepping(check, checks, records, Sample, ("t_us", "clipped"))
+        self._follow = stepping(follow, windows, records, Sample, ("rate", "rate"))
 
     def use_field_delay(self, delay_s: float) -> None:
         """Takes how much later than the rates the field is measured."""
@@ -48,8 +40,8 @@ class Watch:
         """Takes a sample before the filter does; returns the bits of `kernel.checks.check`."""
         t_us, (p, q, r), (f_x, f_y, f_z), m_b_ut, clipped = sample
         m_x, m_y, m_z = m_b_ut or _NO_FIELD
-        self._measure(t_us, p, q, r, f_x, f_y, f_z, m_x, m_y, m_z, m_b_ut is not None, clipped)
-        return self._check()
+        has_field = m_b_ut is not None
+        return self._check(t_us, p, q, r, f_x, f_y, f_z, m_x, m_y, m_z, has_field, clipped)
 
     def follow(self, w_b: Vec3) -> int:
         """Continues with that sample, and the filter's rate for it, rad/s.
@@ -57,6 +49,4 @@ class Watch:
         Returns:
             The bits of `kernel.windows.follow`.
         """
-        p, q, r = w_b
-        self._give_rate(p, q, r)
-        return self._follow()
+        return self._follow(*w_b)

@@ -69,10 +69,10 @@ class RateMeter:
         """Takes a snapshot at host time `t_ns`; returns False if it is not yet due."""
         if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
-        for message_id in self.counts.keys() - self._first_ns.keys():
-            self._first_ns[message_id] = t_ns
         if len(self._places) < len(self.counts):
             self._places = {message_id: place for place, message_id in enumerate(self.counts)}
+            for message_id in self.counts.keys() - self._first_ns.keys():
+                self._first_ns[message_id] = t_ns
         self._snapshots.append(_Snapshot(t_ns, array("q", self.counts.values())))
         self._times_ns.append(t_ns)
         old = bisect_left(self._times_ns, t_ns - LONGEST_SPAN_NS)

@@ -6,12 +6,11 @@ Equations: docs/filter.md.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 from h2nav.attitude import alignment
-from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, copy, in_c, reader, size_of, values, writer
+from h2nav.attitude.native import CompiledStep, stepping
+from h2nav.attitude.record import assign, copy, in_c, reader, size_of, values
 from h2nav.attitude.samples import (
     TRUST_OF,
     AttitudeEstimate,
@@ -74,9 +73,7 @@ class VelocityAidedFilter(VelocityAidedShell):
             self._workspace = in_c(Workspace)
             copy(gains.kernel, self._g, Gains)
         s, w, g, u = self._state, self._workspace, self._g, self._sample
-        bound = partial(step, s, w, g, u) if compiled is None else compiled.bound(s, w, g, u)
-        self._step: Callable[[], int] = bound
-        self._write = writer(u, Sample, "dt_s", "has_fix")
+        self._step = stepping(step, compiled, (s, w, g, u), Sample, ("dt_s", "has_fix"))
         self._read_held = reader(s, State, _HELD)
         self._read_gained = reader(s, State, _GAINED)
         self._read_found = reader(w, Workspace, _FOUND)
@@ -175,12 +172,6 @@ class VelocityAidedFilter(VelocityAidedShell):
         m_x, m_y, m_z, has_mag = 0.0, 0.0, 0.0, 0.0
         if m_b_ut is not None and is_plausible_field(m_b_ut):
             (m_x, m_y, m_z), has_mag = m_b_ut, 1.0
-        self._write(
-            *(dt_us * 1e-6, p, q, r, f_x, f_y, f_z, m_x, m_y, m_z, has_mag),
-            clipping(f_b, clipped),
-            1.0 if is_aided else 0.0,
-            0.0 if fix is None else 1.0,
-        )
         if fix is not None:
             u = self._sample
             u.fix_velocity_n, u.fix_velocity_e = fix.v_n
@@ -188,7 +179,12 @@ class VelocityAidedFilter(VelocityAidedShell):
             u.fix_accel_n, u.fix_accel_e = fix.rate
             u.fix_variance = fix.variance
             u.fix_period_s = fix.period_s
-        return self._step()
+        return self._step(
+            *(dt_us * 1e-6, p, q, r, f_x, f_y, f_z, m_x, m_y, m_z, has_mag),
+            clipping(f_b, clipped),
+            1.0 if is_aided else 0.0,
+            0.0 if fix is None else 1.0,
+        )
 
     def _gained(self) -> tuple[float, float] | None:
         aided, north, east = self._read_gained()

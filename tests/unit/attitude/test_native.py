@@ -7,13 +7,22 @@ import pytest
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.kernel_files import FILTERS, KernelFiles
-from h2nav.attitude.native import CompiledStep, compiled_step
+from h2nav.attitude.kernel_files import (
+    COMPILED,
+    CONSTANT_GAIN,
+    FILTERS,
+    VELOCITY_AIDED,
+    KernelFiles,
+)
+from h2nav.attitude.native import CompiledStep, compiled_step, native_kernels
+from h2nav.attitude.record import in_c, place_of, values
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 from h2nav.files import gain_files
+from tests.needs import absent
 
 Maker = Callable[[CompiledStep | None], AttitudeFilter]
 
@@ -65,3 +74,42 @@ def test_a_compiled_step_gives_the_same_estimates(kernel: KernelFiles) -> None:
     again = MAKERS[name](compiled_step(kernel))
     again.restore(plain.state())
     assert flown(again, 1200, 1300) == flown(plain, 1200, 1300)
+
+
+def records() -> tuple[object, ...]:
+    return tuple(in_c(kind) for kind in (State, Workspace, Gains, Sample))
+
+
+def test_a_bound_step_holds_its_records_and_refuses_others() -> None:
+    compiled = compiled_step(VELOCITY_AIDED)
+    if compiled is None:
+        absent("the compiled kernels are not built")
+    bind = native_kernels().bind  # type: ignore[union-attr]
+    number, (state, workspace, gains, sample) = COMPILED.index(VELOCITY_AIDED), records()
+    first, count = place_of(Sample, "dt_s", "has_fix")
+    bound = bind(number, state, workspace, gains, sample, first, count)
+    bound(*range(count))
+    assert values(sample, Sample)[first : first + count] == [float(n) for n in range(count)]
+    with pytest.raises(TypeError, match="not as many numbers"):
+        bound(*range(count - 1))
+    with pytest.raises(TypeError):
+        bound(*range(count - 1), "one")
+    for wrong in (
+        (number, workspace, workspace, gains, sample, first, count),
+        (number, state, workspace, gains, state, first, count),
+        (number, state, workspace, gains, sample, first, 1000),
+        (number, state, workspace, gains, sample, -1, 1),
+        (COMPILED.index(CONSTANT_GAIN), state, workspace, gains, sample, first, count),
+        (len(COMPILED), state, workspace, gains, sample, first, count),
+    ):
+        with pytest.raises(ValueError, match="not the records of a kernel"):
+            bind(*wrong)
+
+
+def test_an_extension_without_bound_steps_gives_the_same() -> None:
+    compiled, older = compiled_step(VELOCITY_AIDED), compiled_step(VELOCITY_AIDED)
+    if compiled is None or older is None:
+        absent("the compiled kernels are not built")
+    older._bind = None
+    flights = [flown(VelocityAidedFilter(multirotor(), each), 0, 600) for each in (compiled, older)]
+    assert flights[0] == flights[1]
