@@ -101,6 +101,8 @@ class Estimation:
         self._twins: dict[int, list[tuple[Lane, Lane, Twins]]] = {}  # by the IMU of either
         self._are_several = False
         self._compasses = Compasses()
+        self._lender: Lane | None = None  # its field is also that of IMUs without a compass
+        self._without_compass: tuple[Lane, ...] = ()
         self._looked_ns = 0
         self._heard_ns = 0
         self._epoch_ns: int | None = None
@@ -131,6 +133,7 @@ class Estimation:
             self._twins[one.imu].append(pair)
             self._twins[other.imu].append(pair)
         self._are_several = len(self._lanes) > 1
+        self._lender, self._without_compass = None, ()
         self._epoch_ns = None
         self._begin_epoch()
         self._compasses = Compasses(self._field)
@@ -302,6 +305,8 @@ class Estimation:
             if self._are_several and newest is not None and newest is not before:
                 self._voting.take(lane.imu, newest)
                 self._find_twins(t_ns, lane)
+                if lane is self._lender:
+                    self._lend(t_ns, lane, newest)
             if step.sample is None:
                 is_settled = need is Need.IDENTITY and lane.imu_message is message
                 if not (is_settled or need is Need.FIELD):
@@ -407,6 +412,7 @@ class Estimation:
         """Judges all lanes; returns the text of a switch."""
         self._looked_ns = t_ns
         self._vote()
+        self._choose_lender(t_ns)
         for lane in self._lanes:
             lane.judge(t_ns)
         if not self._has_sent:
@@ -421,6 +427,18 @@ class Estimation:
             {lane.imu: self._condition(t_ns, lane, sent) for lane in self._lanes},
         )
         return self._switched(switch) if switch is not None else ""
+
+    def _choose_lender(self, t_ns: int) -> None:
+        """Chooses whose field the IMUs without a compass take."""
+        self._without_compass = tuple(lane for lane in self._lanes if lane.wants_field(t_ns))
+        lenders = (lane for lane in self._lanes if lane.may_lend(t_ns))
+        self._lender = next(lenders, None) if self._without_compass else None
+
+    def _lend(self, t_ns: int, lender: Lane, newest: ImuSample) -> None:
+        """Passes a new field to the IMUs without a compass."""
+        if newest.m_b_ut is not None:
+            for lane in self._without_compass:
+                lane.lend(t_ns, newest.m_b_ut, lender.imu)
 
     def _vote(self) -> None:
         """Compares the sensors of all lanes."""
@@ -479,7 +497,7 @@ class Estimation:
         self._field_voting.look(t_ns // 1000, fields)
         wrong = compasses.wrong | self._field_voting.frozen
         for lane in self._lanes:
-            lane.use_verdict(lane.imu in wrong, compasses.doubt_rad(lane.imu))
+            lane.use_verdict(lane.compass in wrong, compasses.doubt_rad(lane.compass))
             if lane is not sent:
                 lane.drop_heading()
 

@@ -28,6 +28,7 @@ from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.intake import NEW_EPOCHS, Incoming, Intake, Need
 from h2nav.service.lane_selection import Condition
+from h2nav.service.lent_field import LentField
 from h2nav.service.own_bias import OwnBias
 from h2nav.service.range_end import RangeEnds
 from h2nav.service.sample_clock import TimeVerdict
@@ -111,6 +112,7 @@ class Lane:
         lends = settings.imu_message == "auto"
         self._wanted_id = messages.message_ids[0]
         self._intake = Intake(messages, identity.autopilot, lends=lends)
+        self._lent = LentField(self.imu)
         self._trust = LaneTrust(count)
         self._bias = OwnBias()
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
@@ -199,6 +201,24 @@ class Lane:
         return self._intake.field_is_raw
 
     @property
+    def compass(self) -> int:
+        """The number of the IMU whose compass is in use."""
+        return self._lent.of
+
+    def wants_field(self, t_ns: int) -> bool:
+        """Whether its IMU has no compass of its own."""
+        return self._lent.is_wanted(t_ns)
+
+    def may_lend(self, t_ns: int) -> bool:
+        """Whether its own compass is there and sound."""
+        is_sound = not self._monitor.field_is_frozen and not self.compass_is_wrong
+        return is_sound and not self.field_is_raw and self._lent.may_be_lent(t_ns)
+
+    def lend(self, t_ns: int, field: Vec3, of: int) -> None:
+        """Takes the field of another IMU's compass for the next sample."""
+        self._lent.lend(t_ns, field, of)
+
+    @property
     def is_resting(self) -> bool:
         """Whether the stream is not used as a lane: a duplicate, or nothing of it is usable."""
         return self._trust.rests_until_ns is not None
@@ -252,6 +272,9 @@ class Lane:
         found = self._monitor.alarms(self._intake.newest_us or 0)
         if self._verdict.wrong:
             found = tuple(alarm for alarm in found if alarm.kind not in BY_VELOCITY)
+        if self._lent.is_lent:
+            # That is said of the IMU whose compass it is.
+            found = tuple(alarm for alarm in found if alarm.kind is not Kind.COMPASS_FROZEN)
         if is_sent:
             return list(found)
         return [alarm._replace(degrades=False) for alarm in found if alarm.sensor == self.sensor]
@@ -326,7 +349,7 @@ class Lane:
             self.event = event = verdict
             self._begin_epoch()
         self.newest = sample
-        usable, is_accused = self._usable(t_ns, sample)
+        usable, is_accused = self._usable(t_ns, self._lent.choose(t_ns, sample))
         if usable is None:
             return ACCUSED if is_accused else NO_STEP
         ages, t_us = incoming.reading.ages, usable.t_us
@@ -450,6 +473,7 @@ class Lane:
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
+        self._lent.restart()
         self.newest = self._filtered = None
         self._monitor, self._told_verdict = self._monitor.anew(), None
         self.timing.restart()

@@ -9,7 +9,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
-from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState, VelocityFix
+from h2nav.attitude.samples import (
+    EarthField,
+    SensorDelays,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
 from h2nav.integrity.findings import Kind
 from h2nav.recordings.listener import Listener
 from h2nav.service.autopilot import Identity
@@ -151,6 +157,53 @@ def test_a_frozen_sensor_is_left_and_told_once_and_times_only_grow():
     assert len(flight.texts) == 1
     times = [outcome.sample.t_us for outcome in flight.outcomes]
     assert all(later > earlier for earlier, later in itertools.pairwise(times))
+
+
+class Compass:
+    """Fields with noise, in the messages of one IMU alone."""
+
+    def __init__(self, message_id):
+        self._message_id, self._random = message_id, random.Random(3)
+
+    def get(self, message_id, _):
+        if message_id != self._message_id:
+            return None
+        return tuple(part + self._random.gauss(0.0, 0.3) for part in (22.0, 0.0, -42.0))
+
+
+def test_an_imu_without_a_compass_is_lent_the_field_of_another():
+    """As on most vehicles: three IMUs, and one compass, whose field comes with the first."""
+    flight = Flight(sends=(RAW, SECOND, THIRD))
+    flight.fields = Compass(RAW)
+    before = heading_deg(flight.run(10.0)[-1])
+    flight.without_force = {RAW}
+    after = flight.run(3.0)[-1]
+    assert flight.message in (SECOND, THIRD)
+    assert Trust.YAW_REFERENCED in after.estimate.trust
+    assert heading_deg(after) == pytest.approx(before, abs=1.0)
+
+
+def test_nothing_is_lent_any_more_when_the_only_compass_is_gone():
+    flight = Flight(sends=(RAW, SECOND))
+    flight.fields = {RAW: None, SECOND: (22.0, 0.0, -42.0)}
+    flight.run(5.0)
+    assert all(outcome.sample.m_b_ut is not None for outcome in flight.run(1.0))
+    flight.fields[SECOND] = None  # the only compass is gone
+    flight.run(2.0)
+    assert all(outcome.sample.m_b_ut is None for outcome in flight.run(1.0))
+
+
+def test_an_own_field_comes_before_a_lent_one():
+    flight = Flight(sends=(RAW, SECOND))
+    flight.fields = {RAW: None, SECOND: (22.0, 0.0, -42.0)}
+    flight.run(5.0)
+    flight.fields[RAW] = (21.0, 1.0, -42.0)
+    assert {outcome.sample.m_b_ut for outcome in flight.run(2.0)} == {(21.0, 1.0, -42.0)}
+
+
+def heading_deg(outcome):
+    w, x, y, z = outcome.estimate.q_nb
+    return math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def test_a_silent_lane_is_left():
