@@ -4,16 +4,17 @@ The specific force, turned by our attitude and integrated, must give the change 
 by the other attitude it gives another change. The share of the difference that the velocity demands
 is 0 if ours is right and 1 if the other is: it is fitted, for heading and tilt separately, to
 windows of the last half minute. The latency of the receiver is fitted along, because in a turn it
-resembles a heading error.
+resembles a heading error, and so is the bias of our accelerometer, which resembles a tilt until the
+vehicle turns: at rest and in a straight flight no velocity shows which of two tilts is right.
 """
 
 import math
 from collections import deque
 from enum import Enum
-from operator import mul
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, VelocityFix
+from h2nav.integrity.likelihood import LinearModel
 from h2nav.maths.quaternion import Quat, Vec3, rotate
 
 WITNESS_WINDOW_US = 1_900_000
@@ -33,14 +34,16 @@ MIN_SIGMA_M_S = 0.1
 WORST_SIGMA_M_S = 1.0
 FIRST_SIGMA_M_S = 0.3
 FITS = 3
-# Priors: neither attitude is preferred; receivers are late by 0 to 0.2 s.
-EXPECTED = (0.5, 0.5, 0.1)
-EXPECTED_SIGMA = (2.0, 2.0, 0.1)
-# An accelerometer's bias that looks like a tilt.
-FORCE_BIAS_M_S2 = 0.1
+# Priors: neither attitude is preferred; receivers are late by 0 to 0.2 s; an accelerometer's bias
+# is known as well as to the filter before a flight: to 15 mg.
+EXPECTED = (0.5, 0.5, 0.1, 0.0, 0.0)
+EXPECTED_SIGMA = (2.0, 2.0, 0.1, 0.15, 0.15)
+TILT, HEADING = 0, 1
 DECIDED = 3.0  # deviations
 # A share further outside of 0 to 1 shows that neither attitude fits.
 OUTSIDE = 0.5
+
+Level = tuple[float, float]  # north and east
 
 
 class VelocityVerdict(Enum):
@@ -66,6 +69,7 @@ class _Window(NamedTuple):
     by_tilt: tuple[float, float]  # addition by the other attitude's tilt
     by_heading: tuple[float, float]  # addition by its heading
     by_latency: tuple[float, float]  # addition per second of the receiver's latency
+    by_bias: tuple[Level, Level]  # addition per m/s^2 of the accelerometer's bias, x and y
 
 
 class Integrated:
@@ -115,17 +119,19 @@ class VelocityWitness:
         self._integrated = integrated
         self._start: _Start | None = None
         self._settled_n = integrated.velocity_n
-        self._turn: tuple[int, Quat, Quat] | None = None
+        self._turn: tuple[int, Quat, Quat, Quat] | None = None
         self._by_tilt = (0.0, 0.0)
         self._by_heading = (0.0, 0.0)
+        self._pushed = [0.0] * 4  # by a bias along x, north and east, and along y
+        self._settled_us: int | None = None
         self._windows: deque[_Window] = deque(maxlen=WINDOWS)
         self.verdicts = Verdicts()  # by the windows of the last `EVIDENCE_US`
 
-    def differs(self, t_us: int, turn_n: Quat, heading_rad: float) -> None:
-        """Takes the turn (NED) from our attitude to the other one, and its heading."""
+    def differs(self, t_us: int, q_nb: Quat, turn_n: Quat, heading_rad: float) -> None:
+        """Takes our attitude, the turn (NED) from it to the other one, and the turn's heading."""
         self._settle()
         about_down = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
-        self._turn = (t_us, turn_n, about_down)
+        self._turn = (t_us, q_nb, turn_n, about_down)
         self._age(t_us)
 
     def _age(self, t_us: int) -> None:
@@ -159,6 +165,7 @@ class VelocityWitness:
         self._start = _Start(t_us, now.breaks, fix.v_n, now.velocity_n, now.force_n)
         self._settled_n = now.velocity_n
         self._by_tilt = self._by_heading = (0.0, 0.0)
+        self._pushed, self._settled_us = [0.0] * 4, t_us
 
     def _settle(self) -> None:
         """Adds the force since the last time, as turned by the other attitude."""
@@ -167,11 +174,24 @@ class VelocityWitness:
         if self._turn is None:
             return
         ours = (now[0] - done[0], now[1] - done[1], now[2] - done[2])
-        _, turn_n, about_down = self._turn
+        _, q_nb, turn_n, about_down = self._turn
+        self._push(q_nb)
         whole, headed = rotate(turn_n, ours), rotate(about_down, ours)
         tilt, heading = self._by_tilt, self._by_heading
         self._by_tilt = (tilt[0] + whole[0] - headed[0], tilt[1] + whole[1] - headed[1])
         self._by_heading = (heading[0] + headed[0] - ours[0], heading[1] + headed[1] - ours[1])
+
+    def _push(self, q_nb: Quat) -> None:
+        """Adds the time since then, along the axes of our attitude."""
+        t_us, since_us = self._integrated.t_us or 0, self._settled_us
+        self._settled_us = t_us
+        if since_us is None:
+            return
+        dt_s = 1e-6 * (t_us - since_us)
+        for i, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))):
+            north, east, _ = rotate(q_nb, axis)
+            self._pushed[2 * i] -= dt_s * north
+            self._pushed[2 * i + 1] -= dt_s * east
 
     def _close(self, start: _Start, fix: VelocityFix) -> None:
         now = self._integrated
@@ -186,71 +206,38 @@ class VelocityWitness:
                 self._by_tilt,
                 self._by_heading,
                 (by_latency[0], by_latency[1]),
+                ((self._pushed[0], self._pushed[1]), (self._pushed[2], self._pushed[3])),
             )
         )
         self.verdicts = _verdicts(self._windows)
 
 
-class _Fit(NamedTuple):
-    """The result of the fit: shares of tilt and heading, and the latency, s."""
-
-    found: Vec3  # the three
-    variances: Vec3  # of them
-    sigma_m_s: float  # of the residual of a change of velocity
-
-
 def _verdicts(windows: deque[_Window]) -> Verdicts:
     if len(windows) < MIN_WINDOWS:
         return Verdicts()
-    rows = [
-        ((window.by_tilt[i], window.by_heading[i], window.by_latency[i]), window.missing[i])
-        for window in windows
-        for i in (0, 1)
-    ]
-    columns = list(zip(*(causes for causes, _ in rows), strict=True))
-    missing = [each for _, each in rows]
-    sums = [[sum(map(mul, one, other)) for other in (*columns, missing)] for one in columns]
+    effects = [(w.by_tilt, w.by_heading, w.by_latency, *w.by_bias) for w in windows]
+    causes = [[of[n][i] for i in (0, 1) for of in effects] for n in range(len(EXPECTED))]
+    left = [window.missing[i] for i in (0, 1) for window in windows]
+    for expected, column in zip(EXPECTED, causes, strict=True):
+        left = [part - expected * effect for part, effect in zip(left, column, strict=True)]
     sigma_m_s = FIRST_SIGMA_M_S
+    # Of a noise of 1: for another one the priors change in its place.
+    model = LinearModel([1.0] * len(windows), left, causes, (0.0, 1.0))
     for _ in range(FITS):
-        fit = _fit(rows, sums, sigma_m_s)
-        sigma_m_s = fit.sigma_m_s
+        noise = sigma_m_s
+        fit = model.fit([sigma / noise for sigma in EXPECTED_SIGMA])
+        found = fit.unknowns()
+        rest = left
+        for size, column in zip(found, causes, strict=True):
+            rest = [part - size * effect for part, effect in zip(rest, column, strict=True)]
+        sigma_m_s = max(math.sqrt(sum(part * part for part in rest) / len(rest)), MIN_SIGMA_M_S)
     if sigma_m_s > WORST_SIGMA_M_S:
         return Verdicts()
-    tilt_m_s = math.sqrt(sum(causes[0] ** 2 for causes, _ in rows) / len(windows))
-    bias_m_s = FORCE_BIAS_M_S2 * WITNESS_WINDOW_US * 1e-6
-    by_bias = bias_m_s / tilt_m_s if tilt_m_s > 0.0 else math.inf
+    (tilt, _), (_, heading) = fit.covariance((TILT, HEADING))
     return Verdicts(
-        _verdict(fit.found[0], math.hypot(math.sqrt(fit.variances[0]), by_bias)),
-        _verdict(fit.found[1], math.sqrt(fit.variances[1])),
+        _verdict(found[TILT] + EXPECTED[TILT], noise * math.sqrt(tilt)),
+        _verdict(found[HEADING] + EXPECTED[HEADING], noise * math.sqrt(heading)),
     )
-
-
-def _fit(rows: list[tuple[Vec3, float]], sums: list[list[float]], sigma_m_s: float) -> _Fit:
-    """Fits the windows with the priors; least squares in three unknowns.
-
-    Args:
-        rows: effects of the three causes on a change of velocity, and what is missing in it.
-        sums: over the rows, of the products of each cause with each other and with the missing.
-        sigma_m_s: of the residuals.
-    """
-    weight = sigma_m_s**-2
-    known = [sigma**-2 for sigma in EXPECTED_SIGMA]
-    a, b, c = ([weight * each for each in line[:3]] for line in sums)
-    a[0], b[1], c[2] = a[0] + known[0], b[1] + known[1], c[2] + known[2]
-    right = [weight * sums[i][3] + known[i] * EXPECTED[i] for i in range(3)]
-    # The inverse of a symmetric matrix of three: its cofactors over its determinant.
-    xx, xy, xz = b[1] * c[2] - b[2] ** 2, a[2] * b[2] - a[1] * c[2], a[1] * b[2] - a[2] * b[1]
-    yy, yz, zz = a[0] * c[2] - a[2] ** 2, a[1] * a[2] - a[0] * b[2], a[0] * b[1] - a[1] ** 2
-    det = a[0] * xx + a[1] * xy + a[2] * xz
-    x, y, z = (
-        (p * right[0] + q * right[1] + r * right[2]) / det
-        for p, q, r in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
-    )
-    left = sum(
-        (missing - x * causes[0] - y * causes[1] - z * causes[2]) ** 2 for causes, missing in rows
-    )
-    sigma_m_s = max(math.sqrt(left / len(rows)), MIN_SIGMA_M_S)
-    return _Fit((x, y, z), (xx / det, yy / det, zz / det), sigma_m_s)
 
 
 def _verdict(share: float, sigma: float) -> VelocityVerdict:

@@ -177,7 +177,7 @@ class _Reporter:
         """Compares another attitude at the time of ours."""
         turn_n = multiply(q_nb, conjugate(ours.q_nb))
         tilt_rad, heading_rad = tilt_and_heading(turn_n)
-        self.velocity.differs(ours.t_us, turn_n, heading_rad)
+        self.velocity.differs(ours.t_us, ours.q_nb, turn_n, heading_rad)
         quality = QUALITIES[self.source]
         by_time_rad = math.hypot(*ours.w_b) * quality.time_s
         referenced = Trust.YAW_REFERENCED in ours.trust
