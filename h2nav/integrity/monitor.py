@@ -297,7 +297,7 @@ class Monitor:
             velocity_1s=of_1s, velocity_3s=of_3s, velocity_10s=of_10s
         )
         long = windows[-1]
-        if long is not None and long.ratio < 1.0:
+        if long is not None and long.shows_heading and long.ratio < 1.0:
             shown = GATE * long.sigma_m_s / max(long.change_m_s, 0.1)
             if shown < CONFIRMED_RAD:
                 self._is_confirmed, self._shown_us = True, fix.t_us

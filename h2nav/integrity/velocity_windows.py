@@ -50,6 +50,8 @@ class ReceiverErrors(NamedTuple):
 
 
 UNKNOWN = ReceiverErrors()
+# Of a heading that is not a small angle.
+ANY_HEADING_RAD = 1.0
 
 
 class Mark(NamedTuple):
@@ -70,6 +72,7 @@ class Window(NamedTuple):
     residual_m_s: float  # size of the measured minus the predicted change of velocity
     sigma_m_s: float  # its expected deviation per axis
     change_m_s: float  # horizontal change of velocity that was measured
+    shows_heading: bool = True  # not only the size of that change was compared
 
     @property
     def ratio(self) -> float:
@@ -158,9 +161,15 @@ class VelocityWindows:
             + (self._receiver.delay_s * jerk) ** 2
             + self._by_antenna(start, end)
             + inertial_variance(first, last)
-            + (min(first.sigma_heading_rad, math.pi) * change_m_s) ** 2
         )
-        return Window(t_s, residual_m_s, math.sqrt(variance), math.hypot(*measured))
+        shows_heading = first.sigma_heading_rad < ANY_HEADING_RAD
+        if shows_heading:
+            variance += (first.sigma_heading_rad * change_m_s) ** 2
+        else:
+            # A heading that may be any turns a change of velocity, and keeps its size.
+            residual_m_s = abs(math.hypot(*measured) - change_m_s)
+        sigma_m_s, measured_m_s = math.sqrt(variance), math.hypot(*measured)
+        return Window(t_s, residual_m_s, sigma_m_s, measured_m_s, shows_heading)
 
     def _by_antenna(self, start: Mark, end: Mark) -> float:
         """Variance per axis by the antenna's place, (m/s)^2."""

@@ -30,8 +30,12 @@ def estimate(s: State, w: Workspace, g: Gains, sample: Sample, bits: int) -> int
         w.rate[i] = sample.gyro[i] - s.gyro_bias[i]
     w.sigma_tilt = tilt_deviation(s, g)
     known = 0.0
-    if s.heading_variance < REFERENCED_RAD * REFERENCED_RAD and s.heading_unknown == 0.0:
+    # A small variance says nothing of a heading that nothing has shown: the model is linear.
+    if s.mag_accepted_age_s >= 0.0 or s.heading_confirmed > 0.0 or s.heading_witnessed > 0.0:
         known = 1.0
+    if s.heading_variance >= REFERENCED_RAD * REFERENCED_RAD or s.heading_unknown > 0.0:
+        known = 0.0
+    if known > 0.0:
         bits = bits | YAW_REFERENCED
     w.sigma_heading = LOST_HEADING_RAD
     if known > 0.0 or s.mag_accepted_age_s >= 0.0 or s.heading_witnessed > 0.0:
