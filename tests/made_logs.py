@@ -7,7 +7,7 @@ with what a test adds. Everything is made of arrays, so that long logs are made 
 import math
 import struct
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -397,13 +397,20 @@ def _ulog_message(kind: str, body: bytes) -> bytes:
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def ulog(flight: MadeFlight, *, old: bool = False, extra: ULogWriter | None = None) -> bytes:
+def ulog(
+    flight: MadeFlight,
+    *,
+    old: bool = False,
+    extra: ULogWriter | None = None,
+    has_velocity: Any = 1,
+) -> bytes:
     """A log of PX4: 1.15 with a vehicle_imu per IMU, or ``old``: 1.6 with sensor_combined.
 
     Args:
         flight: what happened; its gyros shall give means, and nothing be late.
         old: with the topics of 2017, and the first IMU alone.
         extra: holds further topics already.
+        has_velocity: of each fix, whether its receiver calls the velocity valid; 1: of all.
     """
     writer = extra or ULogWriter()
     writer.info("char[3] sys_name", b"PX4")
@@ -419,14 +426,14 @@ def ulog(flight: MadeFlight, *, old: bool = False, extra: ULogWriter | None = No
     t_us, q_nb = flight.t_us[::every], flight.q_nb[::every]
     writer.add("vehicle_attitude_groundtruth", "float[4] q", t_us, q_nb)
     if old:
-        _add_old_topics(writer, flight)
+        _add_old_topics(writer, flight, has_velocity)
         writer.add("vehicle_attitude", "float[4] q", t_us, q_nb)
         return writer.bytes()
     fields = "uint64_t timestamp_sample;float[4] q;uint8_t quat_reset_counter"
     writer.add("vehicle_attitude", fields, t_us + 3_000, t_us, q_nb, 0)
     for number, imu in enumerate(flight.imus):
         _add_vehicle_imu(writer, number, imu)
-    _add_sensor_gps(writer, flight)
+    _add_sensor_gps(writer, flight, has_velocity)
     return writer.bytes()
 
 
@@ -445,18 +452,18 @@ def _add_vehicle_imu(writer: ULogWriter, number: int, imu: ImuBatch) -> None:
     writer.add("vehicle_magnetometer", fields, t_us + 40_000, t_us, gauss, number=number)
 
 
-def _add_sensor_gps(writer: ULogWriter, flight: MadeFlight) -> None:
+def _add_sensor_gps(writer: ULogWriter, flight: MadeFlight, has_velocity: Any) -> None:
     fields = (
         "uint64_t timestamp_sample;uint64_t time_utc_usec;double latitude_deg;double longitude_deg;"
         "double altitude_msl_m;float s_variance_m_s;uint8_t fix_type;float vel_n_m_s;"
         "float vel_e_m_s;float vel_d_m_s;bool vel_ned_valid;uint8_t satellites_used"
     )
     unix_us = 1_780_000_000_000_000 + flight.fix_us
-    values = (flight.fix_us, unix_us, *flight.place.T, 0.2, 3, *flight.v_n.T, 1, 15)
+    values = (flight.fix_us, unix_us, *flight.place.T, 0.2, 3, *flight.v_n.T, has_velocity, 15)
     writer.add("sensor_gps", fields, flight.fix_us + 100_000, *values)
 
 
-def _add_old_topics(writer: ULogWriter, flight: MadeFlight) -> None:
+def _add_old_topics(writer: ULogWriter, flight: MadeFlight, has_velocity: Any) -> None:
     imu = flight.imus[0]
     step_us = int(np.median(np.diff(imu.t_us)))
     fields = (
@@ -480,5 +487,5 @@ def _add_old_topics(writer: ULogWriter, flight: MadeFlight) -> None:
     latitude, longitude, altitude = flight.place.T
     where = (np.round(latitude * 1e7), np.round(longitude * 1e7), np.round(altitude * 1e3))
     unix_us = 1_500_000_000_000_000 + flight.fix_us
-    values = (unix_us, *where, 0.2, 3, *flight.v_n.T, 1, 15)
+    values = (unix_us, *where, 0.2, 3, *flight.v_n.T, has_velocity, 15)
     writer.add("vehicle_gps_position", fields, flight.fix_us, *values)

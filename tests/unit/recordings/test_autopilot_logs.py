@@ -348,6 +348,17 @@ def test_the_vehicle_is_known_by_its_firmware(
 
 
 @pytest.mark.parametrize("old", [False, True])
+def test_a_velocity_that_a_receiver_calls_invalid_is_none(
+    tmp_path: Path, integrated: MadeFlight, old: bool
+) -> None:
+    has_velocity = np.arange(len(integrated.fix_us)) % 3 != 1
+    log = opened(tmp_path, ulog(integrated, old=old, has_velocity=has_velocity))
+    found = log.context().gps[0].v_n
+    assert (np.isfinite(found).all(axis=1) == has_velocity).all()
+    np.testing.assert_allclose(found[has_velocity], integrated.v_n[has_velocity], atol=1e-5)
+
+
+@pytest.mark.parametrize("old", [False, True])
 def test_a_ulog_file_says_the_same_under_all_names(
     tmp_path: Path, integrated: MadeFlight, old: bool
 ) -> None:
