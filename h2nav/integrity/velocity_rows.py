@@ -259,37 +259,47 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
     for row in rows:
         own, late, swept = _vectors(row.integrals), row.late, row.swept
         g = _in_n(to_n, own[GAINED])
-        bent = [
-            _level(to_n, _sum(b, cross(t, own[GAINED])))
-            for b, t in zip(own[BENT:PUSHED], turned, strict=True)
-        ]
-        pushed = [_level(to_n, axis) for axis in own[PUSHED:]]
         tilts = ((0.0, g[2], -g[1]), (-g[2], 0.0, g[0]))
-        for i, into in enumerate(levels):
-            known = sum(bias_b[j] * bent[j][i] for j in range(3)) - bent[USED][i]
-            known += force_b[0] * pushed[0][i] + force_b[1] * pushed[1][i]
-            into.append(
-                (
-                    row.ended.v_n[i] - row.begun.v_n[i] - g[i] - known,
-                    *tilts[i],
-                    *(part[i] for part in bent[:USED]),
-                    pushed[0][i],
-                    pushed[1][i],
-                    late[0][i],
-                    late[1][i],
-                    *(part[i] for part in swept),
-                )
-            )
+        by_axis = zip(levels, _bent(to_n, own, turned), tilts, strict=True)
+        for i, (into, bent, tilt) in enumerate(by_axis):
+            pushed_x, pushed_y = bent[TURNS:]
+            known = 0.0 + bias_b[0] * bent[0] + bias_b[1] * bent[1] + bias_b[2] * bent[2]
+            known = known - bent[USED] + (force_b[0] * pushed_x + force_b[1] * pushed_y)
+            differs = row.ended.v_n[i] - row.begun.v_n[i] - g[i] - known
+            by_receiver = (part[i] for part in (*late, *swept))
+            into.append((differs, *tilt, *bent[:USED], pushed_x, pushed_y, *by_receiver))
         gained.append(g)
         x, y, z = turned[:3]
         turns.append((_in_n(to_n, x), _in_n(to_n, y), _in_n(to_n, z)))
-        turned = [_sum(t, more) for t, more in zip(turned, own[TURNED:BENT], strict=True)]
+        more = zip(turned, own[TURNED:BENT], strict=True)
+        turned = [(p + u, q + v, r + w) for (p, q, r), (u, v, w) in more]
     left, *of = [list(column) for column in zip(*levels[0], *levels[1], strict=True)]
     *in_all, used = [_in_n(to_n, t) for t in turned]
     used = plus(NOTHING, -1.0, used)
     for bias, per_unit in zip(bias_b, in_all, strict=False):
         used = plus(used, bias, per_unit)
     return VelocityColumns(left, of, gained, turns, tuple(in_all), used)
+
+
+def _bent(
+    to_n: Sequence[Vec3], own: Sequence[Vec3], turned: Sequence[Vec3]
+) -> tuple[list[float], list[float]]:
+    """North and east of what the turns of a row and of those before do to the velocity, and PUSHED.
+
+    Written out: as calls for each vector it took a twentieth of a review.
+    """
+    (a, b, c), (d, e, f) = to_n[0], to_n[1]
+    x, y, z = own[GAINED]
+    pairs = zip(turned, own[BENT:PUSHED], strict=True)
+    vectors = [
+        (u + (q * z - r * y), v + (r * x - p * z), w + (p * y - q * x))
+        for (p, q, r), (u, v, w) in pairs
+    ]
+    vectors += own[PUSHED:]
+    return (
+        [a * u + b * v + c * w for u, v, w in vectors],
+        [d * u + e * v + f * w for u, v, w in vectors],
+    )
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
@@ -310,15 +320,6 @@ def _vectors(flat: Iterable[float]) -> list[Vec3]:
 def plus(a: Vec3, size: float, b: Vec3) -> Vec3:
     """A + size b."""
     return (a[0] + size * b[0], a[1] + size * b[1], a[2] + size * b[2])
-
-
-def _sum(a: Vec3, b: Vec3) -> Vec3:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-def _level(to_n: Sequence[Vec3], v: Vec3) -> tuple[float, float]:
-    (a, b, c), (d, e, f) = to_n[0], to_n[1]
-    return a * v[0] + b * v[1] + c * v[2], d * v[0] + e * v[1] + f * v[2]
 
 
 def _in_n(to_n: Sequence[Vec3], v: Vec3) -> Vec3:
