@@ -170,13 +170,17 @@ def _check(field_row: Row, part: Sequence[Number]) -> None:
             raise ValueError(f"{field_row.name} holds {value}, outside {low}..{high}")
 
 
-def with_rows(record_type: type[R], more: Sequence[Row]) -> type[R]:
-    """The record with additional fields before its own."""
-    first = [(row.name, Any, _again(_made(row))) for row in more]
+def with_rows(record_type: type[R], before: Sequence[Row], after: Sequence[Row] = ()) -> type[R]:
+    """The record with additional fields before and after its own."""
     own = [(made.name, Any, _again(made)) for made in fields(cast(Any, record_type))]
     names = {"__doc__": record_type.__doc__, "__module__": record_type.__module__}
-    made_type = make_dataclass(record_type.__name__, [*first, *own], namespace=names, slots=True)
+    every = [*_all_made(before), *own, *_all_made(after)]
+    made_type = make_dataclass(record_type.__name__, every, namespace=names, slots=True)
     return cast("type[R]", made_type)
+
+
+def _all_made(rows_of: Sequence[Row]) -> list[tuple[str, Any, "Field[Any]"]]:
+    return [(row.name, Any, _again(_made(row))) for row in rows_of]
 
 
 def _made(row: Row) -> "Field[Any]":

@@ -32,7 +32,6 @@ class Operand(NamedTuple):
     grids: tuple[Grid, ...]  # one, or one per element
     fall: str = ""  # the variable whose power of two divides it
     fall_range: tuple[int, int] = (0, 0)
-    rises: bool = False  # that power multiplies it instead
 
     def value(self, index: int | None, subscript: str) -> FixedValue:
         """The operand, or one of its elements."""
@@ -40,8 +39,7 @@ class Operand(NamedTuple):
         text = self.text if index is None else f"{self.text}[{subscript}]"
         found = fixed.variable(text, grid.low, grid.high, grid.step)
         if self.fall:
-            sign = 1 if self.rises else -1
-            found = found._replace(scale=Scale(self.fall, Interval(*self.fall_range), sign))
+            found = found._replace(scale=Scale(self.fall, Interval(*self.fall_range)))
         return found
 
 

@@ -30,11 +30,10 @@ class Underivable(BadInput):
 
 
 class Scale(NamedTuple):
-    """A power of two known only when the kernel runs: the value is integer step 2^(sign power)."""
+    """A power of two known only when the kernel runs: the value is integer step 2^-fall."""
 
-    power: str  # a variable
+    fall: str  # a variable
     range: Interval  # of that variable
-    sign: int  # 1 or -1
 
 
 class FixedValue(NamedTuple):
@@ -200,6 +199,8 @@ def quotient(a: FixedValue, b: FixedValue) -> FixedValue:
     error = step * (2.0 + 32768 * 5e-5)
     if b.range.lo > 0:
         error += (a.error + b.error) / (b.range.lo * b.step)
+    else:
+        error = 1.0  # a divisor of a few steps says nothing
     return FixedValue(f"ratio({a.text}, {text})", _ATOM, Interval(0, 32767), step, error)
 
 
@@ -267,7 +268,7 @@ def _unscaled(
             places = 0
             if wanted is None:
                 # no finer than without a shift to the left, which limits what it takes
-                least = value.scale.range.hi if value.scale.sign > 0 else -value.scale.range.lo
+                least = -value.scale.range.lo
                 places = max(0, math.ceil(math.log2(value.step * 2.0**least / step) - _EXACT))
             settled_terms.append((sign, settled(value, step * 2.0**places)))
         else:
@@ -321,16 +322,10 @@ def settled(value: FixedValue, step: float) -> FixedValue:
     assert places is not None
     if value.scale is None:
         return moved(value, places)
-    scale = value.scale
-    if scale.sign > 0:
-        span = intervals.subtract(exactly(places), scale.range)
-        count = f"{places} - {scale.power}" if places else f"-{scale.power}"
-    else:
-        span = intervals.add(scale.range, exactly(places))
-        count = (
-            f"{scale.power} {'+' if places > 0 else '-'} {abs(places)}" if places else scale.power
-        )
-    error = value.error * 2.0 ** (scale.range.hi if scale.sign > 0 else -scale.range.lo) + step
+    fall, reach = value.scale
+    span = intervals.add(reach, exactly(places))
+    count = f"{fall} {'+' if places > 0 else '-'} {abs(places)}" if places else fall
+    error = value.error * 2.0**-reach.lo + step
     if span.lo >= 0 and span.hi <= 31:
         range_ = intervals.shift_right(value.range, span)
         return FixedValue(f"{value.at(_SUM)} >> ({count})", _SHIFT, range_, step, error)

@@ -53,6 +53,13 @@ _GAINS_IN_USE = {
 }
 
 
+def _small_innovation(part: str) -> Operand:
+    """An innovation with four bits more; one beyond 2 s counts as 2 s."""
+    most = (1 << 25) - 1
+    text = f"(limited(s.innovation_{part}, {most}) << 4)"
+    return Operand(text, (Grid(2.0**-28, -most << 4, most << 4),))
+
+
 def _theta_grids() -> tuple[Grid, ...]:
     """Of theta's correction: three biases and the heading."""
     units = (BIAS_UNIT_RAD_S, BIAS_UNIT_RAD_S, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD)
@@ -152,7 +159,7 @@ RECIPES = (
         "forget_velocity",
         (
             *("s.dvelocity_n", "s.dvelocity_e", "s.dvelocity_accel_n", "s.dvelocity_accel_e"),
-            "s.dvelocity_lag",
+            *("s.dvelocity_lag", "s.unused_variance"),
         ),
         (_STATE,),
     ),
@@ -194,6 +201,22 @@ RECIPES = (
             "usual": _grid(floats.BIAS_SUM_VARIANCE, saturates=True),
             "expected": _grid((28, floats.BIAS_VARIANCE[1], -4.0, 4.0)),
             "walk": _grid((28, floats.BIAS_VARIANCE[1], -2.0, 2.0)),
+        },
+    ),
+    Recipe(
+        "match_variance",
+        "match_variance",
+        ("s.fix_mean_n", "s.fix_mean_e", "s.unused_variance"),
+        (_STATE, _GAINS),
+        {
+            "north": _small_innovation("n"),
+            "east": _small_innovation("e"),
+            "predicted": _own("fix_predicted", 2.0**-28),
+            "period": _PERIOD,
+        },
+        {
+            "square": _grid((27, 1.0, 0.0, 8.0), saturates=True),
+            "unused": Grid(2.0**-15, 0, 32768),
         },
     ),
 )

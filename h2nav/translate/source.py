@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from h2nav.attitude import record
 from h2nav.attitude.record import Row
-from h2nav.attitude.velocity_aided.integer.shared import SHARED_ROWS
-from h2nav.attitude.velocity_aided.parameters import ROWS_OF_DECORATORS as PARAMETER_ROWS
+from h2nav.attitude.velocity_aided.integer.shared import ROWS_BEHIND
+from h2nav.attitude.velocity_aided.parameters import ROWS_OF_DECORATORS
 from h2nav.errors import BadInput
 
 Number = int | float
@@ -29,7 +29,6 @@ INTRINSIC_MODULES = (
     "h2nav.attitude.velocity_aided.parameters",
     "h2nav.maths.fixedpoint",
 )
-ROWS_OF_DECORATORS = {**PARAMETER_ROWS, **SHARED_ROWS}
 ROW_MAKERS: dict[str, Callable[..., Any]] = {
     maker.__name__: maker for maker in (record.real, record.reals, record.integer, record.integers)
 }
@@ -151,11 +150,7 @@ def _is_known(kernel: Kernel, name: str) -> bool:
 
 def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> RecordSource:
     names = {name.id for name in node.decorator_list if isinstance(name, ast.Name)}
-    rows = [
-        row
-        for name in sorted(names & ROWS_OF_DECORATORS.keys())
-        for row in ROWS_OF_DECORATORS[name]()
-    ]
+    rows = _rows_by(names, ROWS_OF_DECORATORS)
     for statement in node.body:
         match statement:
             case ast.AnnAssign(
@@ -172,8 +167,16 @@ def _read_record(kernel: Kernel, path: str, node: ast.ClassDef) -> RecordSource:
                 pass
             case _:
                 raise Untranslatable(path, statement, "a record holds only fields made by a row")
+    rows += _rows_by(names, ROWS_BEHIND)
     about = (ast.get_docstring(node) or "").split("\n\n")[0]
     return RecordSource(node.name, about, tuple(rows))
+
+
+def _rows_by(
+    names: set[str], known: Mapping[str, Callable[[], list[record.Row]]]
+) -> list[record.Row]:
+    """The rows that decorators of these names add."""
+    return [row for name in sorted(names & known.keys()) for row in known[name]()]
 
 
 def _row_argument(kernel: Kernel, path: str, node: ast.expr) -> object:

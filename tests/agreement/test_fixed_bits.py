@@ -38,7 +38,10 @@ def test_the_samples_reach_everything(identity: Identity, python: Run) -> None:
 
 @pytest.mark.parametrize(
     ("compiler", "flags"),
-    [("gcc", ("-O0",)), ("gcc", ("-O2",)), ("gcc", ("-Os",)), ("clang", ("-O2",))],
+    [
+        *(("gcc", (level,)) for level in ("-O0", "-O1", "-O2", "-O3", "-Os")),
+        *(("clang", (level,)) for level in ("-O0", "-O2", "-O3")),
+    ],
 )
 def test_this_computer(
     exported: Path, identity: Identity, python: Run, compiler: str, flags: tuple[str, ...]

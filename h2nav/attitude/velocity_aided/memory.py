@@ -46,6 +46,8 @@ ACCEL_COVARIANCE = (28, _A * _A, -4.0, 4.0)
 ACCEL_THETA = (28, (_A * _B, _A * _B, _A * _B, _A * _H), -4.0, 4.0)
 TILT_BY_ACCEL = (28, 1.0 / _A, -4.0, 4.0)
 VELOCITY_BY_ACCEL = (24, 1.0 / _A, -64.0, 64.0)
+FIX_MEAN = (28, 1.0, -2.0, 2.0)
+SHARE = (15, 1.0, 0.0, 1.0)
 LAG_VARIANCE = (30, 1.0, 0.0, 0.5)
 BY_LAG = (24, 1.0, -64.0, 64.0)
 
@@ -196,9 +198,11 @@ class State:
     dvelocity_lag: list[float] = reals(
         2, "", "sensitivity of the velocity to that latency, north, east", BY_LAG
     )
-    fix_mean_n: float = real("s", "low-passed innovation of the fixes north")
-    fix_mean_e: float = real("s", "low-passed innovation of the fixes east")
-    unused_variance: float = real("", "share of the fixes' predicted variance that is not seen")
+    fix_mean_n: float = real("s", "low-passed innovation of the fixes north", FIX_MEAN)
+    fix_mean_e: float = real("s", "low-passed innovation of the fixes east", FIX_MEAN)
+    unused_variance: float = real(
+        "", "share of the fixes' predicted variance that is not seen", SHARE
+    )
 
 
 @dataclass(slots=True)

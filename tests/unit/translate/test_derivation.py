@@ -13,6 +13,7 @@ from h2nav.attitude.record import Grid, grids_of, row, rows
 from h2nav.attitude.velocity_aided import memory as floats
 from h2nav.attitude.velocity_aided.integer import memory as integers
 from h2nav.attitude.velocity_aided.integer.kernel import derived
+from h2nav.attitude.velocity_aided.integer.kernel.functions import limited
 from h2nav.attitude.velocity_aided.kernel import aiding, prediction, theta, velocity
 from h2nav.translate import fixed_values as fixed
 from h2nav.translate.derivation import Derived, Operand, Recipe, derive
@@ -84,7 +85,7 @@ class Case:
         self.g = drawn_record(rng, integers.Gains)
         # a count below 4 shifts to the left by so few places that `shifted` limits what it takes
         self.s.k_tilt_s, self.s.k_velocity_s = rng.randint(4, 30), rng.randint(4, 30)
-        self.names: dict[str, Any] = {"s": self.s, "g": self.g}
+        self.names: dict[str, Any] = {"s": self.s, "g": self.g, "limited": limited}
         self.names["r"] = [rng.randint(-32767, 32767) for _ in range(9)]
         end = (1 << 30) - 1
         self.names["step"] = [drawn(rng, -end, end) for _ in range(4)]
@@ -100,8 +101,7 @@ class Case:
         integer = eval(operand.text, {}, self.names)
         power = 0
         if operand.fall:
-            count = eval(operand.fall, {}, self.names)
-            power = count if operand.rises else -count
+            power = -eval(operand.fall, {}, self.names)
         if isinstance(integer, list):
             grids = operand.grids * len(integer) if len(operand.grids) == 1 else operand.grids
             return [n * grid.step * 2.0**power for n, grid in zip(integer, grids, strict=False)]

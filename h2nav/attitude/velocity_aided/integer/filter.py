@@ -60,8 +60,8 @@ from h2nav.attitude.velocity_aided.kernel.estimate import (
     HEADING_SHARE,
     LOST_HEADING_RAD,
     REFERENCED_RAD,
-    TILT_SHARE,
     UNCONFIRMED,
+    tilt_deviation,
 )
 from h2nav.attitude.velocity_aided.kernel.prediction import jolt_of
 from h2nav.attitude.velocity_aided.shell import (
@@ -80,6 +80,14 @@ _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
 _FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
+# shared fields that the deviation of the tilt depends on
+_TILT_ROWS = tuple(
+    row(float_memory.State, name)
+    for name in (
+        *("p_xx", "p_yy", "p_zz", "dtilt_n", "dtilt_e", "p_accel", "dtilt_accel_n"),
+        *("dtilt_accel_e", "unused_variance"),
+    )
+)
 _HEADING_UNIT = HEADING_UNIT_RAD**2 * 2.0**-28  # of the heading's variance, rad^2
 _FORCE_UNIT = ACCEL_UNIT_G**2 * 2.0**-28  # of the variances of the accelerometer's bias, g^2
 # Bits of a step that mean the same in floats; what holds besides is worked out for an estimate.
@@ -195,6 +203,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         reset(s, g)
         self._w_b: Vec3 = (0.0, 0.0, 0.0)
         self._gained_n = self._gained_e = self._turned = 0
+        self._floats = float_memory.State()  # what the deviation of the tilt is worked out from
         self._force_noise = ForceNoise(gains.kernel.level_time_s)
         self._confirmed_rad = 0.0
         # log2 of the field's unit over FIELD_UNIT_UT; None before the first field
@@ -619,24 +628,25 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         )
 
     def _sigma_tilt_rad(self) -> float:
-        """Predicted one-sigma tilt error, as in floats.
+        """Predicted one-sigma tilt error: of the float kernel, with the numbers of this one.
 
-        Source: docs/filter.md Eq. (11), (27), (30).
+        Source: docs/filter.md Eq. (11), (27), (30), (63), (64).
         """
-        s = self._state
-        tilt, velocity = self._gain()
-        variance = 2.0 * tilt * velocity * 2.0 ** (s.log_velocity_noise / 256.0)
-        bias = zip((s.p_xx, s.p_yy, s.p_zz), s.dtilt_n[:], s.dtilt_e[:], strict=False)
-        for known_to, to_n, to_e in bias:
-            north, east = to_n * 2.0**-28, to_e * 2.0**-28
-            variance += known_to * 2.0**-28 * (north * north + east * east)
-        if s.aided:
-            xx, xy, yy = (part * 2.0**-28 for part in s.p_accel[:])
-            for row_of in (s.dtilt_accel_n, s.dtilt_accel_e):
-                x, y = (part * 2.0**-28 for part in row_of[:])
-                variance += xx * x * x + 2.0 * xy * x * y + yy * y * y
-        extra = s.extra_tilt_sigma * 2.0**-28
-        return TILT_SHARE * math.sqrt(variance + extra * extra)
+        s, f = self._state, self._floats
+        for found in _TILT_ROWS:
+            value, grids = getattr(s, found.name), found.grids
+            if found.size is None:
+                setattr(f, found.name, value * grids[0].step)
+            else:
+                grids = grids * found.length if len(grids) == 1 else grids
+                part = [n * grid.step for n, grid in zip(value, grids, strict=True)]
+                getattr(f, found.name)[:] = part
+        f.k_tilt, f.k_velocity = self._gain()
+        f.aided = float(s.aided)
+        f.fix_period_s = 1.0
+        f.velocity_noise = 2.0 ** (s.log_velocity_noise / 256.0)
+        f.extra_tilt_sigma = s.extra_tilt_sigma * 2.0**-28
+        return tilt_deviation(f, self._gains.kernel)
 
     def _sigma_heading_rad(self) -> float:
         """Predicted one-sigma heading error.

@@ -82,20 +82,29 @@ class State(SharedFields):
     saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
     velocity_n: I32 = integer(-VELOCITY_MAX, VELOCITY_MAX, "s", "velocity north", q=24)
     velocity_e: I32 = integer(-VELOCITY_MAX, VELOCITY_MAX, "s", "velocity east", q=24)
-    dtheta: list[I32] = integers(
-        4, -THETA_MAX, THETA_MAX, "", "correction of theta that the frame has found", q=28
+    velocity_carry_n: I32 = integer(0, 8191, "", "what rounding has left of the acceleration north")
+    velocity_carry_e: I32 = integer(0, 8191, "", "what rounding has left of the acceleration east")
+    accel_carry: list[I32] = integers(3, 0, 511, "", "what rounding has left of the force")
+    gyro_last: list[I32] = integers(
+        3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
+    )
+    gyro_step: list[I32] = integers(
+        3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
     )
     phase: I32 = integer(0, FRAME - 1, "", "which part of the second stage runs with this sample")
     frame_us: I32 = integer(0, FRAME_MAX_US, "us", "time of the frame so far")
+    turning_sum: I32 = integer(0, 1 << 30, "", "mean squared rate of the frame so far")
+    jitter_sum: I32 = integer(
+        0, 1 << 29, "", "mean squared second difference of the rate, of the frame so far"
+    )
+    dtheta: list[I32] = integers(
+        4, -THETA_MAX, THETA_MAX, "", "correction of theta that the frame has found", q=28
+    )
     innovation_sum_n: I32 = integer(
         -INNOVATION_MAX, INNOVATION_MAX, "s", "mean innovation of the frame so far, north", q=24
     )
     innovation_sum_e: I32 = integer(
         -INNOVATION_MAX, INNOVATION_MAX, "s", "mean innovation of the frame so far, east", q=24
-    )
-    turning_sum: I32 = integer(0, 1 << 30, "", "mean squared rate of the frame so far")
-    jitter_sum: I32 = integer(
-        0, 1 << 29, "", "mean squared second difference of the rate, of the frame so far"
     )
     frame_time: I32 = integer(0, 32767, "s", "time of the frame before", q=17)
     innovation_n: I32 = integer(
@@ -124,12 +133,6 @@ class State(SharedFields):
     gyro_jitter: I32 = integer(
         0, LEVEL_MAX, "rad^2/s", "noise of the rate that its samples do not resolve", q=36
     )
-    gyro_last: list[I32] = integers(
-        3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
-    )
-    gyro_step: list[I32] = integers(
-        3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
-    )
     rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
     innovation_power: I32 = integer(0, LEVEL_MAX, "s^2", "mean square of the innovation", q=24)
     innovation_variance: I32 = integer(
@@ -141,9 +144,6 @@ class State(SharedFields):
     innovation_mean_e: I32 = integer(
         -INNOVATION_MAX, INNOVATION_MAX, "s", "slow mean of the innovation, east", q=24
     )
-    velocity_carry_n: I32 = integer(0, 8191, "", "what rounding has left of the acceleration north")
-    velocity_carry_e: I32 = integer(0, 8191, "", "what rounding has left of the acceleration east")
-    accel_carry: list[I32] = integers(3, 0, 511, "", "what rounding has left of the force")
     gyro_lp: list[I32] = integers(
         3, -(RATE_LIMIT << 4), RATE_LIMIT << 4, "2 rad/us", "low-passed rate", q=44
     )
@@ -169,6 +169,13 @@ class State(SharedFields):
         0, GAINED_MASK, "s", "velocity gained north from the force alone, modulo 2^28", q=24
     )
     gained_e: I32 = integer(0, GAINED_MASK, "s", "velocity gained east, modulo 2^28", q=24)
+    fix_predicted: I32 = integer(
+        0,
+        (1 << 30) - 1,
+        "s^2",
+        "variance of a fix's innovation without its noise, both parts",
+        q=28,
+    )
     fix_innovation_n: I32 = integer(
         -THETA_MAX, THETA_MAX, "s", "innovation of a fix that waits for its frame, north", q=24
     )

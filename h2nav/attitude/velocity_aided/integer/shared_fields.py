@@ -39,3 +39,6 @@ class SharedFields:
     fix_lag_variance: I32
     dtilt_lag: list[I32]
     dvelocity_lag: list[I32]
+    fix_mean_n: I32
+    fix_mean_e: I32
+    unused_variance: I32

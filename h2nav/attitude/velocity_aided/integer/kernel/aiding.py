@@ -153,6 +153,25 @@ def find_fix_gain(
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
 
 
+def predict_innovation(s: State, axis: I32) -> None:
+    """Adds up the variance of a fix's innovation without its noise, north and then east.
+
+    After the gain was found, and before the covariances fall by it.
+
+    Source: docs/fixed-point.md Eq. (36); docs/filter.md Eq. (63).
+    """
+    before = 0
+    accel = s.accel_n
+    if axis > 0:
+        before = s.fix_predicted
+        accel = s.accel_e
+    row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
+    by_lag = limited(product(s.gain_lag, row_lag), 1 << 26)
+    places = clamp(33 - 2 * s.gain_scale - s.gain_fall, -12, 31)
+    variance = limited(shifted(s.gain_variance, places), 1 << 28) + by_lag
+    s.fix_predicted = clamp(before + variance, 0, (1 << 30) - 1)
+
+
 def use_lag_gain(s: State) -> None:
     """Applies the latency's part of a gain, after `use_gain`.
 

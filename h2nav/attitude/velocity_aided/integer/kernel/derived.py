@@ -297,7 +297,7 @@ def forget_velocity(s: State) -> None:
     """Starts the velocity again.
 
     From `forget_velocity`: s.dvelocity_n, s.dvelocity_e, s.dvelocity_accel_n,
-    s.dvelocity_accel_e, s.dvelocity_lag.
+    s.dvelocity_accel_e, s.dvelocity_lag, s.unused_variance.
     """
     for i in range(4):
         s.dvelocity_n[i] = 0
@@ -306,6 +306,7 @@ def forget_velocity(s: State) -> None:
         s.dvelocity_accel_n[i] = 0
         s.dvelocity_accel_e[i] = 0
         s.dvelocity_lag[i] = 0
+    s.unused_variance = 0
 
 
 def begin_bias(s: State) -> None:
@@ -376,3 +377,41 @@ def adapt_walk(s: State) -> None:
         s.bias_expected[i] = expected
         s.bias_usual[i] = usual
         s.bias_walk[i] = walk
+
+
+def match_variance(s: State, g: Gains) -> None:
+    """Estimates the excess of the predicted variance over that of the low-passed innovations.
+
+    An error of tilt or bias moves the velocity for as long as the loop takes to correct it; the
+    noise of the fixes is shorter.
+
+    From `match_variance`: s.fix_mean_n, s.fix_mean_e, s.unused_variance.
+
+    Source: docs/filter.md Eq. (63).
+    """
+    slow = ratio((s.fix_span_us >> 7) << 7, g.innovation_mean_time_us + ((s.fix_span_us >> 7) << 7))
+    s.fix_mean_n = limited(
+        s.fix_mean_n + product((limited(s.innovation_n, 33554431) << 4) - s.fix_mean_n, slow),
+        536870911,
+    )
+    s.fix_mean_e = limited(
+        s.fix_mean_e + product((limited(s.innovation_e, 33554431) << 4) - s.fix_mean_e, slow),
+        536870911,
+    )
+    unused = 0
+    square = clamp((square_q28(s.fix_mean_n) >> 1) + (square_q28(s.fix_mean_e) >> 1), 0, 1073741823)
+    if square << 1 < s.fix_predicted:
+        unused = 32768 - ratio(square << 1, s.fix_predicted | 1)
+    s.unused_variance = clamp(
+        s.unused_variance
+        + (
+            (
+                (unused - s.unused_variance)
+                * ratio((s.fix_span_us >> 7), (s.fix_span_us >> 7) + 234375)
+                + 16384
+            )
+            >> 15
+        ),
+        0,
+        32767,
+    )

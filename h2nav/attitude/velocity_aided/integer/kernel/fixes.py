@@ -73,6 +73,7 @@ def judge_fix(s: State, g: Gains) -> I32:
     log_square = logarithm(square | 1)
     if log_square > s.log_startup_inflation + g.log_fix_gate + logarithm(gate):
         s.fixes_rejected = clamp(s.fixes_rejected + 1, 0, MAX_REJECTED)
+        s.unused_variance = 0
         # the tilt error that would explain it: y / (5 T), Q28
         angle = power2(((log_square - Q24) >> 1) - log_period - 594 + (28 << 8))
         if angle <= MAX_EXPLAINED * s.fixes_rejected:

@@ -22,6 +22,7 @@ from .aiding import (
     apply_lag,
     find_fix_gain,
     find_spread_of_all,
+    predict_innovation,
     show_accel,
     use_accel_gain,
     use_lag_gain,
@@ -31,6 +32,7 @@ from .derived import (
     fade_aiding,
     fade_theta,
     follow_bias,
+    match_variance,
     predict_accel,
     predict_covariance,
     predict_sensitivities,
@@ -116,7 +118,7 @@ def use_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> 
             return RESTING | apply_theta(s, g)
         return apply_theta(s, g)
     else:
-        use_motion_gain(s, g, r)
+        use_motion_gain(s, g, r, (phase >> 1) & 1)
         if phase == 7:
             judge_rest(s, g, sample)
             ask_force(s, g, sample, r)
@@ -155,16 +157,23 @@ def find_motion_gain(
         find_gain(s, row, innovation, s.log_noise)
 
 
-def use_motion_gain(s: State, g: Gains, r: list[I32]) -> None:
+def use_motion_gain(s: State, g: Gains, r: list[I32], axis: I32) -> None:
     """Applies the gain of `find_motion_gain`.
 
     A bounded velocity does not correct the heading, nor what moves it, if there is no field.
+
+    Args:
+        s: state.
+        g: gains.
+        r: rotation.
+        axis: 0: north, 1: east.
     """
     if rests(s, g) > 0:
         use_gain(s)
         if s.aided > 0:
             use_accel_gain(s, 0)
     elif s.velocity_use == 2:
+        predict_innovation(s, axis)
         use_followed_gain(s)
         # until the errors of the start have passed, they would be taken for another's
         if s.age_us > SETTLED_US:
@@ -213,6 +222,8 @@ def use_field(s: State, g: Gains, phase: I32) -> I32:
     elif phase == 15:
         if s.velocity_use == 2:
             adapt_walk(s)
+            if rests(s, g) == 0:
+                match_variance(s, g)
     elif s.mag_accepted > 0:
         if phase == 13:
             return accept_field(s, g)

@@ -192,6 +192,7 @@ def raise_tilt_sigma(s: State, angle: I32) -> None:
         angle = TILT_SIGMA_MAX
     if angle > s.extra_tilt_sigma:
         s.extra_tilt_sigma = angle
+    s.unused_variance = 0
 
 
 def ask_force(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
