@@ -132,6 +132,7 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
         sample->mag[i] = field ? field[i] : 0;
     }
     sample->has_mag = field ? 1 : 0;
+    sample->is_held = 0;
     /* what has no force at all is no measurement */
     sample->clipped = (force[0] | force[1] | force[2]) == 0;
     sample->dt_us = dt_us > H2NAV_LONGEST_GAP_US ? H2NAV_LONGEST_GAP_US + 1 : (int32_t)dt_us;
@@ -212,7 +213,9 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
             sample->has_fix = has_fix;
         }
         bits |= update(filter, &GAINS, sample);
+        sample->is_held = 1;
     }
+    sample->is_held = 0;
     sample->dt_us = time_us;
     return bits;
 }

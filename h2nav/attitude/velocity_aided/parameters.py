@@ -40,12 +40,10 @@ class Timing(NamedTuple):
 
     Attributes:
         rate_hz: of its steps.
-        parts: steps per sample.
         frame: steps per frame of the second stage.
     """
 
     rate_hz: float
-    parts: float
     frame: int
 
 
@@ -165,10 +163,9 @@ def _lowpass_shift(time_s: float, timing: Timing) -> float:
 def _jitter(share: float, timing: Timing) -> float:
     """Of the integers' second differences.
 
-    White noise comes six times in one, and there are three axes; a rate that is held over the parts
-    of a sample comes once in them, for a time that is the whole one's.
+    White noise comes six times in one, and there are three axes.
     """
-    one = JITTER_UNIT_RAD_S**2 / (timing.frame * timing.frame * 18.0) * timing.parts**2
+    one = JITTER_UNIT_RAD_S**2 / (timing.frame * timing.frame * 18.0)
     return share * one * 2.0**36
 
 

@@ -87,6 +87,7 @@ class IntegerVelocityAidedBatch:
         table, gaps, counts = table[sample], gaps[sample], counts[sample]
         table["dt_us"] = (number + 1) * gaps // counts - number * gaps // counts
         table["has_mag"][number < counts - 1] = 0
+        table["is_held"] = number > 0
         return table
 
     def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:

@@ -113,7 +113,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
     u.mag[:] = [_MAG.fixed(part / field_unit) for part in m] if m and has_mag else [0, 0, 0]
     u.has_mag = int(has_mag)
     u.clipped = int(clipping(sample.f_b, sample.clipped))
-    u.aided = u.has_fix = 0
+    u.aided = u.has_fix = u.is_held = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
     u.fix_accel_n = u.fix_accel_e = 0
     u.fix_variance = u.fix_period_us = 1
@@ -140,6 +140,7 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         is_last = number == steps - 1
         u.has_mag = has_mag if is_last else 0
         u.has_fix = has_fix if is_last else 0
+        u.is_held = int(number > 0)
         u.dt_us = (number + 1) * dt_us // steps - number * dt_us // steps
         yield u
 

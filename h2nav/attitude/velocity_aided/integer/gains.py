@@ -144,7 +144,7 @@ def _log(value: float) -> float:
 def _timing(rate_hz: float) -> Timing:
     """The timing: a sample longer than a step is split."""
     parts = math.ceil(1e6 / (rate_hz * MAX_DT_US))
-    return Timing(rate_hz * parts, float(parts), FRAME)
+    return Timing(rate_hz * parts, FRAME)
 
 
 def _set_parameters(image: _Image, g: FloatGains, timing: Timing) -> None:

@@ -52,6 +52,8 @@ AGE_MAX_US = 1 << 30
 FRAME_MAX_US = 240000
 RATE_FREE = ((RATE_LIMIT + (BIAS_LIMIT >> BIAS_BITS)) >> 10) + 1  # in 1e6 2^-29 rad/s
 RATE_COARSE = (RATE_LIMIT >> 8) + 1  # 35 rad/s in 1e6 2^-31 rad/s
+FORCE_COARSE = FORCE_MAX >> 12
+MAX_PARTS = 16  # that count of a sample's: it came 0.1 s or more after the one before
 LATENCY_MAX = 1 << 29  # 0.5 s
 GAINED_MASK = (1 << 28) - 1
 LOG_MAX = 10240
@@ -85,11 +87,11 @@ class State(SharedFields):
     velocity_carry_n: I32 = integer(0, 8191, "", "what rounding has left of the acceleration north")
     velocity_carry_e: I32 = integer(0, 8191, "", "what rounding has left of the acceleration east")
     accel_carry: list[I32] = integers(3, 0, 511, "", "what rounding has left of the force")
-    gyro_last: list[I32] = integers(
-        3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
+    accel_last: list[I32] = integers(
+        3, -FORCE_COARSE, FORCE_COARSE, "g", "force of the sample before", q=8
     )
-    gyro_step: list[I32] = integers(
-        3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
+    accel_step: list[I32] = integers(
+        3, -2 * FORCE_COARSE, 2 * FORCE_COARSE, "g", "its change from the one before it", q=8
     )
     phase: I32 = integer(0, FRAME - 1, "", "which part of the second stage runs with this sample")
     frame_us: I32 = integer(0, FRAME_MAX_US, "us", "time of the frame so far")
@@ -97,6 +99,16 @@ class State(SharedFields):
     jitter_sum: I32 = integer(
         0, 1 << 29, "", "mean squared second difference of the rate, of the frame so far"
     )
+    force_sum: I32 = integer(0, 1 << 29, "", "the same of the force")
+    parts: I32 = integer(0, MAX_PARTS, "", "parts of the sample before")
+    parts_so_far: I32 = integer(0, MAX_PARTS, "", "parts of the one that is being taken, so far")
+    gyro_last: list[I32] = integers(
+        3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
+    )
+    gyro_step: list[I32] = integers(
+        3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
+    )
+    rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
     dtheta: list[I32] = integers(
         4, -THETA_MAX, THETA_MAX, "", "correction of theta that the frame has found", q=28
     )
@@ -130,10 +142,12 @@ class State(SharedFields):
     k_velocity_s: I32 = integer(-3, 30, "", "its shift")
     gain_set: I32 = integer(0, SETS - 1, "", "number of the gain set in use, 0 the weakest")
     turning: I32 = integer(0, LEVEL_MAX, "2e12 2^-58 (rad/s)^2", "mean square of the rate")
+    force_jitter: I32 = integer(
+        0, LEVEL_MAX, "g^2 s", "noise of the force between its samples", q=36
+    )
     gyro_jitter: I32 = integer(
         0, LEVEL_MAX, "rad^2/s", "noise of the rate that its samples do not resolve", q=36
     )
-    rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
     innovation_power: I32 = integer(0, LEVEL_MAX, "s^2", "mean square of the innovation", q=24)
     innovation_variance: I32 = integer(
         0, LEVEL_MAX, "s^2", "mean square of the innovation about its slow mean", q=24
@@ -272,6 +286,10 @@ class State(SharedFields):
     gain_theta_shift: I32 = integer(0, SHIFT_MAX, "", "what the correction is divided by")
     gain_p_shift: I32 = integer(0, SHIFT_MAX, "", "what the fall of the covariance is divided by")
     fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
+    fix_noise: I32 = integer(0, 1 << 29, "s^2", "noise of the innovation of the fix in use", q=26)
+    accel_learns: I32 = integer(
+        0, 32767, "", "share of a fix's gain for that bias and the latency", q=15
+    )
     daccel: list[I32] = integers(
         2, -THETA_MAX, THETA_MAX, "", "correction of that bias that the frame has found", q=28
     )
@@ -339,6 +357,9 @@ class Sample:
     mag: list[I32] = integers(3, -32768, 32767, "64 uT", "magnetic field", q=14)
     has_mag: I32 = integer(0, 1, "", "1: the field counts")
     dt_us: I32 = integer(0, MAX_DT_US, "us", "time since the sample before")
+    is_held: I32 = integer(
+        0, 1, "", "1: a further part of a long sample, with rate and force of the part before"
+    )
     clipped: I32 = integer(
         0, 2, "", "1: the rate counts, force and field do not; 2: the rate is sure"
     )

@@ -9,7 +9,7 @@ from ..memory import LATENCY_MAX, THETA_MAX, VELOCITY_MAX, Gains, State
 from .derived import (
     level_sensitivities,
 )
-from .functions import bits_of, limited, logarithm, power2, product, shifted
+from .functions import bits_of, limited, logarithm, product, shifted
 from .theta import (
     lowered,
     lowered_variance,
@@ -88,7 +88,11 @@ def of_accel(s: State, i: I32, x: I32, y: I32) -> I32:
 
 
 def use_accel_gain(s: State, learns: I32) -> None:
-    """Applies the gain to the accelerometer's bias, after `use_gain`; learns it if `learns` > 0.
+    """Applies the gain to the accelerometer's bias, after `use_gain`.
+
+    Args:
+        s: state.
+        learns: share of the gain that the bias itself learns by, Q15; 0: it only adds uncertainty.
 
     Source: docs/filter.md Eq. (39); docs/fixed-point.md Eq. (22).
     """
@@ -101,12 +105,16 @@ def use_accel_gain(s: State, learns: I32) -> None:
         s.p_accel_x[i] = lowered(s.p_accel_x[i], k_x * s.gain_h[i] >> shift)
         s.p_accel_y[i] = lowered(s.p_accel_y[i], k_y * s.gain_h[i] >> shift)
     if learns > 0 and s.p_accel[0] > 0:
-        s.p_accel[0] = lowered_variance(s.p_accel[0], k_x * h_x >> shift)
-        s.p_accel[1] = lowered(s.p_accel[1], k_x * h_y >> shift)
-        s.p_accel[2] = lowered_variance(s.p_accel[2], k_y * h_y >> shift)
+        # a variance falls by share (2 - share) of its largest fall
+        falls = clamp((learns * (65536 - learns)) >> 15, 0, 32767)
+        s.p_accel[0] = lowered_variance(s.p_accel[0], product(k_x * h_x >> shift, falls))
+        s.p_accel[1] = lowered(s.p_accel[1], product(k_x * h_y >> shift, falls))
+        s.p_accel[2] = lowered_variance(s.p_accel[2], product(k_y * h_y >> shift, falls))
         shift = s.gain_theta_shift
-        s.daccel[0] = limited(s.daccel[0] + (h_x * s.gain_innovation >> shift), THETA_MAX)
-        s.daccel[1] = limited(s.daccel[1] + (h_y * s.gain_innovation >> shift), THETA_MAX)
+        x = product(h_x * s.gain_innovation >> shift, learns)
+        y = product(h_y * s.gain_innovation >> shift, learns)
+        s.daccel[0] = limited(s.daccel[0] + x, THETA_MAX)
+        s.daccel[1] = limited(s.daccel[1] + y, THETA_MAX)
 
 
 def apply_accel(s: State) -> None:
@@ -146,8 +154,7 @@ def find_fix_gain(
     """
     row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
     s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MAX)
-    noise = limited(power2(s.log_noise + Q26), 1 << 29)
-    noise += clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
+    noise = s.fix_noise + clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
     explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread_of_all(s, row, row_accel)
     y = innovation - limited(explained, THETA_MAX)
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
@@ -180,11 +187,13 @@ def use_lag_gain(s: State) -> None:
     h = s.gain_lag
     scale = clamp(bits_of(size_of(h)) - 15, 0, 16)
     h = known(h >> scale, -32768, 32767)
+    learns = s.accel_learns
     shift = clamp(s.gain_digits - 40 - scale - s.gain_y_scale, -12, 31)
-    step = limited(shifted(h * s.gain_innovation, shift), LATENCY_MAX)
+    step = product(limited(shifted(h * s.gain_innovation, shift), LATENCY_MAX), learns)
     s.dfix_lag = limited(s.dfix_lag + step, LATENCY_MAX)
     part = (h * s.gain_inverse + 16384) >> 15
     fall = limited(shifted(h * part, clamp(s.gain_digits - 36 - 2 * scale, -12, 31)), 1 << 30)
+    fall = product(fall, clamp((learns * (65536 - learns)) >> 15, 0, 32767))
     if s.fix_lag_variance > 0:
         s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_MIN, LATENCY_MAX - 1)
 

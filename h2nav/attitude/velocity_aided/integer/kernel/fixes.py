@@ -18,10 +18,11 @@ from ..memory import (
     Sample,
     State,
 )
+from .aiding import Q26
 from .derived import (
     forget_velocity,
 )
-from .functions import limited, logarithm, power2, product, shifted
+from .functions import limited, logarithm, power2, product, ratio, shifted
 from .theta import (
     turn,
 )
@@ -29,6 +30,8 @@ from .tilt import raise_tilt_sigma
 from .velocity import Q24, density, level_share, raised, select_set, square_of
 
 LOG_SECOND = 5102  # log2 of 1e6
+SETTLED_US = 30000000  # ten times the start-up time
+Q36 = 36 << 8
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
 MAX_EXPLAINED = 107374182  # 0.4 rad, Q28, per rejected fix, as in floats
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: rejected fixes that need so large a tilt error
@@ -105,6 +108,23 @@ def choose_fix(s: State, g: Gains) -> None:
         -LOG_MAX,
         LOG_MAX,
     )
+    s.fix_noise = limited(power2(s.log_noise + Q26), 1 << 29)
+    weigh_force(s, log_period)
+
+
+def weigh_force(s: State, log_period: I32) -> None:
+    """Sets the share of the gains that the accelerometer's bias and the fixes' latency learn by.
+
+    The noise of the force, integrated over the loop's time, counts as noise of the fixes here.
+    Until the errors of the start have passed, they would be taken for another's.
+
+    Source: docs/filter.md Eq. (39).
+    """
+    s.accel_learns = 0
+    if s.age_us > SETTLED_US:
+        log_rate = logarithm(s.k_velocity_m | 1) - ((15 + s.k_velocity_s) << 8) - log_period
+        own = limited(power2(s.log_noise + log_period + 2 * log_rate + Q36), 1 << 29)
+        s.accel_learns = ratio(own, own + 2 * s.force_jitter + 1)
 
 
 def accept_fixes(s: State) -> None:

@@ -61,8 +61,6 @@ from .theta import (
 from .tilt import ask_force, find_rest_gain, judge_rest
 from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
 
-SETTLED_US = 30000000  # ten times the start-up time
-
 
 def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """Runs one of the sixteen parts of a frame; returns bits.
@@ -175,12 +173,8 @@ def use_motion_gain(s: State, g: Gains, r: list[I32], axis: I32) -> None:
     elif s.velocity_use == 2:
         predict_innovation(s, axis)
         use_followed_gain(s)
-        # until the errors of the start have passed, they would be taken for another's
-        if s.age_us > SETTLED_US:
-            use_lag_gain(s)
-            use_accel_gain(s, 1)
-        else:
-            use_accel_gain(s, 0)
+        use_lag_gain(s)
+        use_accel_gain(s, s.accel_learns)
     elif s.velocity_use == 1:
         if s.field_silence_us > g.field_silence_us:
             use_level_gain(s, r)
@@ -205,6 +199,20 @@ def use_followed_gain(s: State) -> None:
     follow_bias(s, step, x, y, z)
 
 
+def end_frame(s: State, g: Gains) -> None:
+    """Does what nothing else in the frame needs.
+
+    Source: docs/filter.md Eq. (63), (74).
+    """
+    if s.mag_accepted == 2 and s.aided > 0:
+        # of the gain that the sample before has used
+        use_accel_gain(s, 0)
+    if s.velocity_use == 2:
+        adapt_walk(s)
+        if rests(s, g) == 0:
+            match_variance(s, g)
+
+
 def use_field(s: State, g: Gains, phase: I32) -> I32:
     """Corrects theta by the heading of the newest field, if accepted; returns bits.
 
@@ -220,10 +228,7 @@ def use_field(s: State, g: Gains, phase: I32) -> I32:
             if s.mag_accepted > 0:
                 prepare_heading(s, g)
     elif phase == 15:
-        if s.velocity_use == 2:
-            adapt_walk(s)
-            if rests(s, g) == 0:
-                match_variance(s, g)
+        end_frame(s, g)
     elif s.mag_accepted > 0:
         if phase == 13:
             return accept_field(s, g)
@@ -250,7 +255,6 @@ def measure_heading(s: State, g: Gains, phase: I32) -> None:
         weigh_gain(s, s.heading_innovation, s.log_heading_noise)
         if s.aided > 0:
             use_followed_gain(s)
-            use_accel_gain(s, 0)
         else:
             use_gain(s)
 
@@ -293,14 +297,22 @@ def begin_frame(s: State, g: Gains, sample: Sample) -> None:
 
 
 def close_jitter(s: State, g: Gains, share: I32) -> None:
-    """Updates the level of the rate's noise between its samples.
+    """Updates the levels of the noise between samples, of rate and force.
 
-    Source: docs/filter.md Eq. (8).
+    A sample in p parts comes p times less often in a frame, for a time p times as long.
+
+    Source: docs/fixed-point.md Eq. (33); docs/filter.md Eq. (8).
     """
+    parts_2 = s.parts * s.parts
     density = product(limited(s.jitter_sum, 1 << 25) << 5, s.frame_time)
-    density = limited(product(density, g.jitter_share), 1 << 21) << 8
-    s.gyro_jitter = raised(s.gyro_jitter, density, share)
+    density = limited(product(density, g.jitter_share), 1 << 21) * parts_2
+    s.gyro_jitter = raised(s.gyro_jitter, limited(density, 1 << 21) << 8, share)
     s.jitter_sum = 0
+    # Q16 to Q36, over 18 axes of second differences and 16 samples
+    density = product(limited(s.force_sum, 1 << 25) << 5, s.frame_time)
+    density = limited(product(density, 29127) >> 7, 1 << 21) * parts_2
+    s.force_jitter = raised(s.force_jitter, limited(density, 1 << 21) << 8, share)
+    s.force_sum = 0
 
 
 def judge_velocity(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:

@@ -25,6 +25,7 @@ from ..memory import (
     FORCE_USED,
     FRAME_MAX_US,
     GAINED_MASK,
+    MAX_PARTS,
     RESTARTED,
     SATURATED,
     Gains,
@@ -101,30 +102,53 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
 def rates(s: State, sample: Sample, w: list[I32]) -> None:
     """Writes rate less bias, 1e6 2^-29 rad/s; adds to the frame's mean squares of rate and jitter.
 
-    A held rate, as over the parts of a long sample, is not compared with itself.
-
     Source: docs/filter.md Eq. (8).
     """
     change = [0, 0, 0]
     square = 0
     jitter = 0
-    moved = 0
     for i in range(3):
         rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
         change[i] = (rate >> 8) - s.gyro_last[i]
         s.gyro_last[i] = rate >> 8
         jolt = (change[i] - s.gyro_step[i] + 8) >> 4
         jitter += jolt * jolt
-        moved |= change[i]
         w[i] = (rate - (s.gyro_bias[i] >> BIAS_BITS)) >> 10
         square += w[i] * w[i]
     # at most sixteen samples since the sums were zero
     s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
-    if moved != 0:
+    if sample.is_held > 0:
+        s.parts_so_far = clamp(s.parts_so_far + 1, 1, MAX_PARTS)
+        return
+    s.parts = s.parts_so_far
+    s.parts_so_far = 1
+    s.jitter_sum = known(s.jitter_sum + limited(jitter, 1 << 25), 0, 1 << 29)
+    if change[0] | change[1] | change[2] != 0:
         s.rate_moves = 1
-        s.jitter_sum = known(s.jitter_sum + limited(jitter, 1 << 25), 0, 1 << 29)
-        for i in range(3):
-            s.gyro_step[i] = change[i]
+    for i in range(3):
+        s.gyro_step[i] = change[i]
+    note_force(s, sample)
+
+
+def note_force(s: State, sample: Sample) -> None:
+    """Adds to the frame's mean square of the force's second differences; a loop would cost more.
+
+    Source: docs/filter.md Eq. (8).
+    """
+    x = (sample.accel[0] >> 12) - s.accel_last[0]
+    y = (sample.accel[1] >> 12) - s.accel_last[1]
+    z = (sample.accel[2] >> 12) - s.accel_last[2]
+    jolt_x = x - s.accel_step[0]
+    jolt_y = y - s.accel_step[1]
+    jolt_z = z - s.accel_step[2]
+    s.accel_last[0] = sample.accel[0] >> 12
+    s.accel_last[1] = sample.accel[1] >> 12
+    s.accel_last[2] = sample.accel[2] >> 12
+    s.accel_step[0] = x
+    s.accel_step[1] = y
+    s.accel_step[2] = z
+    square = jolt_x * jolt_x + jolt_y * jolt_y + jolt_z * jolt_z
+    s.force_sum = known(s.force_sum + limited(square, 1 << 25), 0, 1 << 29)
 
 
 def drain(s: State, r: list[I32]) -> None:

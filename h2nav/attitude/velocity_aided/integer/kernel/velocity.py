@@ -97,6 +97,7 @@ def begin_frames(s: State) -> None:
     s.innovation_sum_e = 0
     s.turning_sum = 0
     s.jitter_sum = 0
+    s.force_sum = 0
     s.velocity_use = 0
     s.k_tilt_m = 0
     s.k_tilt_s = 0
