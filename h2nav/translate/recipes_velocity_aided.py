@@ -15,7 +15,11 @@ from h2nav.attitude.velocity_aided import memory as floats
 from h2nav.attitude.velocity_aided.integer import memory as integers
 from h2nav.attitude.velocity_aided.integer.units import (
     BIAS_UNIT_RAD_S,
+    FIELD_RATE_UNIT,
     HEADING_UNIT_RAD,
+    LAG_DEN_UNIT,
+    LAG_NUM_UNIT,
+    LAG_UNIT_S,
     TURN_UNIT,
 )
 from h2nav.attitude.velocity_aided.parameters import PARAMETERS, Fixed, Scaled
@@ -88,6 +92,27 @@ _SUM = _grid(floats.BIAS_SUM, saturates=True)
 _US = 1e-6
 _PERIOD = Operand("(s.fix_span_us >> 7)", (Grid(128.0 * _US, 0, 32768),))
 _SHARE = _grid((15, 1.0, 0.0, 1.0))
+
+
+def _saturating(name: str, step: float) -> Operand:
+    """A field of the integers' state with its step, that stays at the ends of its range."""
+    found = _own(name, step)
+    return found._replace(grids=tuple(grid._replace(saturates=True) for grid in found.grids))
+
+
+def _part(name: str, step: float) -> Operand:
+    """An argument that is a part of a field, or of its change."""
+    return Operand(name, (Grid(step, -integers.FIELD_PART_MAX, integers.FIELD_PART_MAX),))
+
+
+_FIELD = 2.0**-14  # 64 uT
+# Turn and innovation of the heading are held times the field's horizontal part, so that the weight
+# is the time alone; where the floats divide by the reference's norm, the prior is multiplied by it.
+_LATENCY = {
+    "s.mag_lag_num": _saturating("mag_lag_num", LAG_NUM_UNIT),
+    "s.mag_lag_den": _saturating("mag_lag_den", LAG_DEN_UNIT),
+    "weight": Operand("weight", (Grid(2.0**14 * _US, 0, 61),)),
+}
 
 RECIPES = (
     Recipe(
@@ -217,6 +242,52 @@ RECIPES = (
         {
             "square": _grid((27, 1.0, 0.0, 8.0), saturates=True),
             "unused": Grid(2.0**-15, 0, 32768),
+        },
+    ),
+    Recipe(
+        "learn_from_parts",
+        "learn_from_parts",
+        ("s.mag_lag_num", "s.mag_lag_den"),
+        (
+            *(_STATE, "weight: I32", "down: I32", "down_rate: I32", "level: I32"),
+            "flat_rate: I32",
+        ),
+        {
+            **_LATENCY,
+            "down": _part("down", _FIELD),
+            "down_rate": _part("down_rate", FIELD_RATE_UNIT),
+            "level": _part("level", _FIELD),
+            "flat_rate": _part("flat_rate", FIELD_RATE_UNIT),
+        },
+    ),
+    Recipe(
+        "follow_turns",
+        "follow_turns",
+        ("s.mag_turn", "s.mag_turn_error"),
+        (_STATE, "turn: I32", "error: I32", "age: I32"),
+        {
+            "s.mag_turn": _saturating("mag_turn", FIELD_RATE_UNIT * 2.0**-8),
+            "s.mag_turn_error": _saturating("mag_turn_error", _FIELD * 2.0**-8),
+            "turn": _part("turn", FIELD_RATE_UNIT),
+            "error": _part("error", _FIELD),
+            "age": Operand("age", (Grid(_US, 0, integers.FIELD_MAX_US),)),
+        },
+    ),
+    Recipe(
+        "learn_from_turn",
+        "learn_from_turn",
+        ("s.mag_lag_num", "s.mag_lag_den"),
+        (_STATE, "weight: I32", "turn: I32", "error: I32"),
+        {
+            **_LATENCY,
+            "turn": _part("turn", FIELD_RATE_UNIT),
+            "error": _part("error", _FIELD),
+            "lag": _own("mag_lag", LAG_UNIT_S),
+        },
+        {
+            "lag * turn - error": Grid(
+                _FIELD, -integers.FIELD_PART_MAX, integers.FIELD_PART_MAX, saturates=True
+            )
         },
     ),
 )

@@ -61,6 +61,8 @@ FIELD_MAX_US = 1000000  # a sample never counts for more than this time
 NORM_MAX = 60000
 REF_MAX = NORM_MAX << 12
 LAG_MAX = 12500
+FIELD_PART_MAX = 4095  # of a part of a field or of its change, where the latency learns from it
+MEAN_FIELD_PART_MAX = FIELD_PART_MAX << 8
 PACKED_MAX = (32767 << 5) + 31
 SHIFT_MAX = 31
 
@@ -253,6 +255,23 @@ class State(SharedFields):
         -(1 << 30), 1 << 30, "", "numerator of the latency of the field's samples"
     )
     mag_lag_den: I32 = integer(0, 1 << 30, "", "denominator of that latency")
+    mag_learn_us: I32 = integer(
+        0, FIELD_MAX_US, "us", "time that a field stands for which the latency learns from; 0: none"
+    )
+    mag_turn: I32 = integer(
+        -MEAN_FIELD_PART_MAX,
+        MEAN_FIELD_PART_MAX,
+        "64 uT 1e6 2^-28 /s",
+        "mean turn of the field about the vertical, times its horizontal part",
+        q=22,
+    )
+    mag_turn_error: I32 = integer(
+        -MEAN_FIELD_PART_MAX,
+        MEAN_FIELD_PART_MAX,
+        "64 uT",
+        "mean innovation of the heading, times that part",
+        q=22,
+    )
     mag_lag_expected: I32 = integer(
         -LAG_MAX, LAG_MAX, "8 us", "the latency as far as nothing has been learnt of it"
     )

@@ -17,5 +17,8 @@ REST_FORCE_UNIT = (2.0**-9) ** 2
 JITTER_UNIT_RAD_S = 1e6 * 2.0**-27
 FIELD_UNIT_UT = 64.0
 LAG_UNIT_S = 8e-6
-# one of LAG_DEN: (field/s)^2 s
-LAG_DEN_UNIT = (1e6 * 2.0**-28) ** 2 * 2.0**6 * 1.024e-3
+# of the change of a field with the rotation, 64 uT/s
+FIELD_RATE_UNIT = 1e6 * 2.0**-28
+# one of LAG_DEN: (field/s)^2 s; of LAG_NUM: field (field/s) s
+LAG_DEN_UNIT = FIELD_RATE_UNIT**2 * 2.0**6 * 1.024e-3
+LAG_NUM_UNIT = FIELD_RATE_UNIT * 2.0**-14 * 2.0**6 * 1.024e-3

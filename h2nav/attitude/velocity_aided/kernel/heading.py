@@ -223,8 +223,7 @@ def learn_field(
     down = w.mag_ned[2] + lag * down_rate - reference * math.sin(s.mag_ref_dip)
     level = flat + lag * flat_rate - reference * math.cos(s.mag_ref_dip)
     weight = age / (reference * reference)
-    s.mag_lag_num = s.mag_lag_num + weight * (down * down_rate + level * flat_rate)
-    s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
+    learn_from_parts(s, weight, down, down_rate, level, flat_rate)
     learn_from_turns(s, w, g, weight * flat * flat, flat, lag, age)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
@@ -245,6 +244,25 @@ def learn_field(
         s.mag_ref_dip = s.mag_ref_dip + share * more_dip
 
 
+def learn_from_parts(
+    s: State, weight: float, down: float, down_rate: float, level: float, flat_rate: float
+) -> None:
+    """Updates the latency by the vertical and the horizontal part of a field.
+
+    Args:
+        s: state.
+        weight: time that the field stands for, over the reference's norm squared.
+        down: difference of the vertical part from the reference, without the latency in use.
+        down_rate: its change with the rotation.
+        level: the same of the horizontal part.
+        flat_rate: its change.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    s.mag_lag_num = s.mag_lag_num + weight * (down * down_rate + level * flat_rate)
+    s.mag_lag_den = s.mag_lag_den + weight * (down_rate * down_rate + flat_rate * flat_rate)
+
+
 def learn_from_turns(
     s: State, w: Workspace, g: Gains, weight: float, flat: float, lag: float, age: float
 ) -> None:
@@ -253,16 +271,36 @@ def learn_from_turns(
     Norm and dip show nothing of a turn about the vertical. Source: docs/filter.md Eq. (71).
     """
     turn = (w.mag_ned[0] * w.dtheta[1] - w.mag_ned[1] * w.dtheta[0]) / (flat * flat + 1e-9)
-    share = age / (TURN_TIME + age)
-    s.mag_turn = s.mag_turn + share * (turn - s.mag_turn)
-    s.mag_turn_error = s.mag_turn_error + share * (s.innovation[2] - s.mag_turn_error)
+    follow_turns(s, turn, s.innovation[2], age)
     if s.aided == 0.0 or s.mag_ref_given == 0.0 or s.mag_accepted_age_s < 0.0:
         return
     if is_doubted(s, g) > 0.0:
         # The heading follows the velocities, and the innovation with it.
         return
-    turn = turn - s.mag_turn
-    error = s.innovation[2] - s.mag_turn_error
+    learn_from_turn(s, weight, turn - s.mag_turn, s.innovation[2] - s.mag_turn_error, lag)
+
+
+def follow_turns(s: State, turn: float, error: float, age: float) -> None:
+    """Updates the means of the field's turn about the vertical and of the heading's innovation.
+
+    Args:
+        s: state.
+        turn: rate of that turn, rad/s.
+        error: innovation of the heading.
+        age: time that the field stands for.
+
+    Source: docs/filter.md Eq. (71).
+    """
+    share = age / (TURN_TIME + age)
+    s.mag_turn = s.mag_turn + share * (turn - s.mag_turn)
+    s.mag_turn_error = s.mag_turn_error + share * (error - s.mag_turn_error)
+
+
+def learn_from_turn(s: State, weight: float, turn: float, error: float, lag: float) -> None:
+    """Adds the departures from these means to the sums that the latency is the quotient of.
+
+    Source: docs/filter.md Eq. (71).
+    """
     s.mag_lag_num = s.mag_lag_num + weight * turn * (lag * turn - error)
     s.mag_lag_den = s.mag_lag_den + weight * turn * turn
 

@@ -415,3 +415,51 @@ def match_variance(s: State, g: Gains) -> None:
         0,
         32767,
     )
+
+
+def learn_from_parts(
+    s: State, weight: I32, down: I32, down_rate: I32, level: I32, flat_rate: I32
+) -> None:
+    """Updates the latency by the vertical and the horizontal part of a field.
+
+    From `learn_from_parts`: s.mag_lag_num, s.mag_lag_den.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    s.mag_lag_num = limited(
+        s.mag_lag_num + (((down * down_rate + level * flat_rate) * weight + 2) >> 2), 1073741824
+    )
+    s.mag_lag_den = clamp(
+        s.mag_lag_den + (((down_rate * down_rate + flat_rate * flat_rate) * weight + 2) >> 2),
+        0,
+        1073741824,
+    )
+
+
+def follow_turns(s: State, turn: I32, error: I32, age: I32) -> None:
+    """Updates the means of the field's turn about the vertical and of the heading's innovation.
+
+    From `follow_turns`: s.mag_turn, s.mag_turn_error.
+
+    Source: docs/filter.md Eq. (71).
+    """
+    share = ratio(age, age + 3000000)
+    s.mag_turn = limited(s.mag_turn + product((turn << 8) - s.mag_turn, share), 1048320)
+    s.mag_turn_error = limited(
+        s.mag_turn_error + product((error << 8) - s.mag_turn_error, share), 1048320
+    )
+
+
+def learn_from_turn(s: State, weight: I32, turn: I32, error: I32) -> None:
+    """Adds the departures from these means to the sums that the latency is the quotient of.
+
+    From `learn_from_turn`: s.mag_lag_num, s.mag_lag_den.
+
+    Source: docs/filter.md Eq. (71).
+    """
+    s.mag_lag_num = limited(
+        s.mag_lag_num
+        + ((turn * weight * limited(((s.mag_lag * turn + 1024) >> 11) - error, 4095) + 2) >> 2),
+        1073741824,
+    )
+    s.mag_lag_den = clamp(s.mag_lag_den + ((turn * weight * turn + 2) >> 2), 0, 1073741824)

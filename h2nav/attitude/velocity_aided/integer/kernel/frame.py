@@ -89,10 +89,13 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
             predict_accel(s, r)
     elif phase == 2:
         return judge_velocity(s, g, sample, r)
-    elif s.velocity_use == 1:
-        choose_bounded(s, g)
-    elif s.velocity_use == 2:
-        choose_fix(s, g)
+    else:
+        if s.velocity_use == 1:
+            choose_bounded(s, g)
+        elif s.velocity_use == 2:
+            choose_fix(s, g)
+        if s.mag_learn_us > 0:
+            learn_latency(s)
     return 0
 
 
@@ -270,7 +273,7 @@ def accept_field(s: State, g: Gains) -> I32:
     s.field_silence_us = 0
     if s.mag_accepted < 3:
         learn_field(s, g, age_us)
-        learn_latency(s, age_us)
+        s.mag_learn_us = age_us
     return FIELD_USED
 
 

@@ -12,6 +12,7 @@ from h2nav.maths.fixedpoint import I32, clamp, known
 from ..memory import (
     AGE_MAX_US,
     FIELD_MAX_US,
+    FIELD_PART_MAX,
     LOG_MAX,
     MAX_REJECTED,
     NORM_MAX,
@@ -21,13 +22,13 @@ from ..memory import (
     Sample,
     State,
 )
+from .derived import follow_turns, learn_from_parts, learn_from_turn
 from .functions import HALF_TURN_Q28, length, limited, logarithm, polar, power2, product, ratio
 from .theta import add_heading, forget_sensitivities
 
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
 MIN_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
-ERROR_MAX = 4095
 MIN_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
@@ -283,45 +284,6 @@ def learn_field(s: State, g: Gains, age: I32) -> None:
         s.mag_ref_norm = clamp(moved(s.mag_ref_norm, s.mag_norm, share), 0, REF_MAX)
 
 
-def learn_latency(s: State, age: I32) -> None:
-    """Learns the field's latency by the change with rotation of its parts without heading.
-
-    Source: docs/filter.md Eq. (21).
-    """
-    north_rate = s.mag_rate[0]
-    east_rate = s.mag_rate[1]
-    down_rate = s.mag_rate[2]
-    if abs(north_rate) + abs(east_rate) + abs(down_rate) < MIN_FIELD_RATE:
-        return
-    cosine = ratio(abs(s.mag_ned[0]), s.mag_horizontal + 1)
-    if s.mag_ned[0] < 0:
-        cosine = -cosine
-    sine = ratio(abs(s.mag_ned[1]), s.mag_horizontal + 1)
-    if s.mag_ned[1] < 0:
-        sine = -sine
-    flat_rate = (((cosine * north_rate) >> 1) + ((sine * east_rate) >> 1)) >> 14
-    down = s.mag_ned[2] + ((s.mag_lag * down_rate) >> 11) - (s.mag_ref_down >> 12)
-    flat = (
-        s.mag_horizontal
-        + ((s.mag_lag * limited(flat_rate, 32767)) >> 11)
-        - (s.mag_ref_horizontal >> 12)
-    )
-    down = limited(down, ERROR_MAX)
-    flat = limited(flat, ERROR_MAX)
-    down_rate = limited(down_rate, ERROR_MAX)
-    flat_rate = limited(flat_rate, ERROR_MAX)
-    weight = age >> 10
-    s.mag_lag_num = limited(
-        s.mag_lag_num + ((down * down_rate + flat * flat_rate) >> 6) * weight, 1 << 30
-    )
-    den = s.mag_lag_den + ((down_rate * down_rate + flat_rate * flat_rate) >> 6) * weight
-    if den > 1 << 29:
-        # old samples count for less, so that the sums stay bounded
-        den = den >> 1
-        s.mag_lag_num = s.mag_lag_num >> 1
-    s.mag_lag_den = den
-
-
 def heading_error(s: State) -> I32:
     """Innovation of the heading, less corrections since the field came or pending, rad, Q28."""
     error = s.declination - s.mag_heading
@@ -330,6 +292,54 @@ def heading_error(s: State) -> I32:
     elif error < -HALF_TURN_Q28:
         error += 2 * HALF_TURN_Q28
     return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (s.heading_due >> 1), THETA_MAX)
+
+
+def learn_latency(s: State) -> None:
+    """Learns the field's latency from a field that was accepted in the frame before.
+
+    Source: docs/fixed-point.md Eq. (37); docs/filter.md Eq. (21), (71).
+    """
+    age = s.mag_learn_us
+    s.mag_learn_us = 0
+    weight = (age + 8192) >> 14
+    cosine = part_of_field(s, s.mag_ned[0])
+    sine = part_of_field(s, s.mag_ned[1])
+    north_rate = s.mag_rate[0]
+    east_rate = s.mag_rate[1]
+    down_rate = limited(s.mag_rate[2], FIELD_PART_MAX)
+    flat_rate = limited(
+        (((cosine * north_rate) >> 1) + ((sine * east_rate) >> 1)) >> 14, FIELD_PART_MAX
+    )
+    down = s.mag_ned[2] + ((s.mag_lag * down_rate) >> 11) - (s.mag_ref_down >> 12)
+    flat = s.mag_horizontal + ((s.mag_lag * flat_rate) >> 11) - (s.mag_ref_horizontal >> 12)
+    if abs(north_rate) + abs(east_rate) + abs(down_rate) >= MIN_FIELD_RATE:
+        learn_from_parts(
+            s,
+            weight,
+            limited(down, FIELD_PART_MAX),
+            down_rate,
+            limited(flat, FIELD_PART_MAX),
+            flat_rate,
+        )
+    turn = limited((((cosine * east_rate) >> 1) - ((sine * north_rate) >> 1)) >> 14, FIELD_PART_MAX)
+    error = limited(product(heading_error(s), s.mag_horizontal >> 2) >> 11, FIELD_PART_MAX)
+    follow_turns(s, turn, error, age)
+    if s.mag_accepted == 2 and s.aided > 0 and s.mag_ref_given > 0:
+        turn -= s.mag_turn >> 8
+        error -= s.mag_turn_error >> 8
+        learn_from_turn(s, weight, limited(turn, FIELD_PART_MAX), limited(error, FIELD_PART_MAX))
+    if s.mag_lag_den > 1 << 29:
+        # old samples count for less, so that the sums stay bounded
+        s.mag_lag_den = s.mag_lag_den >> 1
+        s.mag_lag_num = s.mag_lag_num >> 1
+
+
+def part_of_field(s: State, part: I32) -> I32:
+    """A horizontal part of the field over the size of both, Q15."""
+    share = ratio(abs(part), s.mag_horizontal + 1)
+    if part < 0:
+        return -share
+    return share
 
 
 def turn_heading(s: State, g: Gains, angle: I32) -> None:

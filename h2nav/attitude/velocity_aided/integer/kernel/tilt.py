@@ -258,6 +258,7 @@ def upright(s: State, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     # a waiting field was rotated by another attitude
     s.mag_span_us = 0
     s.mag_frame_us = 0
+    s.mag_learn_us = 0
     return 1
 
 
