@@ -117,6 +117,11 @@ def inputs_of(recording: "Recording") -> RecordedInputs | None:
     return RecordedInputs(built, gains, _recorded_date(recording), remark)
 
 
+def version_of(recording: "Recording") -> str:
+    """The version of h2nav that made a recording; empty if it does not say."""
+    return recording.metadata.get(RUN_METADATA, {}).get("version", "")
+
+
 def _of_today(mapping: dict[str, Any]) -> tuple[dict[str, Any], str]:
     """A log's configuration with today's filters, and a remark where one is replaced.
 

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 from h2nav.apps import playback
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.json_output import print_json
-from h2nav.apps.log_contents import attach_inputs
+from h2nav.apps.log_contents import attach_inputs, version_of
 from h2nav.apps.log_progress import byte_bar
 from h2nav.apps.pipeline import Pipeline
 from h2nav.apps.playback import Playback
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import TaskFailed
 from h2nav.integrity.findings import Severity, as_mapping
+from h2nav.maths import quaternion
+from h2nav.maths.units import DEG
 from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import open_flight
@@ -143,20 +145,34 @@ class _Watcher:
         self.reference = Reference()
         self.compared = 0
         self.equal = 0
+        self.apart_rad = 0.0
         self.compares = original is not None
+        self.recorded_by = "" if original is None else version_of(original)
         self._recorded: Iterator[tuple[int, dict[str, Any]]] = iter(())
         if original is not None:
             self._recorded = original.records(ESTIMATE_TOPIC)
+        self._next = next(self._recorded, None)
 
     def frame(self, t_ns: int, frame: Frame) -> None:
         """The tables have them."""
 
     def estimate(self, t_ns: int, estimate: AttitudeEstimate, late_ns: int) -> None:
         self.reference.estimate(t_ns, estimate)
-        recorded = next(self._recorded, None) if self.compares else None
-        if recorded is not None:
+        # one that another version did not make, or only it made, has nothing to be compared with
+        while self._next is not None and self._next[1]["t_us"] < estimate.t_us:
+            self._next = next(self._recorded, None)
+        if self._next is not None and self._next[1]["t_us"] == estimate.t_us:
             self.compared += 1
-            self.equal += _is_equal(recorded[1], estimate_record(estimate, late_ns))
+            self._compare(self._next[1], estimate_record(estimate, late_ns))
+            self._next = next(self._recorded, None)
+
+    def _compare(self, recorded: dict[str, Any], record: EstimateRecord) -> None:
+        if _is_equal(recorded, record):
+            self.equal += 1
+            return
+        q_nb = (record.q_w, record.q_x, record.q_y, record.q_z)
+        before = (recorded["q_w"], recorded["q_x"], recorded["q_y"], recorded["q_z"])
+        self.apart_rad = max(self.apart_rad, quaternion.angle(before, q_nb))
 
     def message(self, t_ns: int, message: Message) -> None:
         self.reference.message(message)
@@ -174,6 +190,19 @@ def _is_equal(recorded: dict[str, Any], record: EstimateRecord) -> bool:
         recorded[name] == value or (recorded[name] is None and math.isnan(value))
         for name, value in record._asdict().items()
         if name != "late_ms" and name in recorded
+    )
+
+
+def _compared(result: dict[str, Any]) -> str:
+    """How they compare with the log's: another version's kernel may round otherwise."""
+    compared = result["estimates_compared"]
+    differ = compared - result["estimates_equal"]
+    if not differ:
+        return f"estimates equal: {compared} of {compared}"
+    apart, version = result["estimates_apart_deg"], result["recorded_by"] or "unknown"
+    return (
+        f"{differ} of {compared} estimates differ by up to {apart:.2g} deg "
+        f"(recorded by version {version})"
     )
 
 
@@ -210,6 +239,8 @@ def _result(
     if watcher.compares:
         result["estimates_compared"] = watcher.compared
         result["estimates_equal"] = watcher.equal
+        result["estimates_apart_deg"] = watcher.apart_rad / DEG
+        result["recorded_by"] = watcher.recorded_by
     return result
 
 
@@ -233,6 +264,6 @@ def _show(result: dict[str, Any]) -> None:
         span = f"{finding['from_s']:.1f} to {finding['to_s']:.1f} s"
         print(f"{span}: {finding['source']}: {finding['text']} ({finding['evidence']})")
     if "estimates_compared" in result:
-        print(f"estimates equal: {result['estimates_equal']} of {result['estimates_compared']}")
+        print(_compared(result))
     if result["log"]:
         print(f"log: {result['log']}")

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 from needs import DEG, REPOSITORY
 
 from fuzz.file_seeds import plain_mcap
@@ -152,3 +154,71 @@ def test_smoothed_attitudes_become_a_channel_and_a_second_table(tmp_path, capsys
     assert [record for _, record in open_recording(again).records("/smoothed")] == [
         record for _, record in smoothed
     ]
+
+
+def test_a_log_whose_estimates_are_another_versions_says_so_in_one_line(take_off, tmp_path, capsys):
+    """One estimate was made by a filter that turned by 0.5 deg, one more exists only there."""
+    log, other = tmp_path / "log.mcap", tmp_path / "other.mcap"
+    config = tmp_path / "config.yaml"
+    config.write_text("filter: {arithmetic: fixed}")
+    assert main(["replay", str(take_off), "-o", str(log), "-c", str(config)]) == 0
+    count = len(list(open_recording(log).records("/estimate")))
+    with_other_estimates(log, other, "0.0.9")
+
+    capsys.readouterr()
+    assert main(["replay", str(log), "--no-log"]) == 0
+    assert f"estimates equal: {count} of {count}" in capsys.readouterr().out.splitlines()
+    assert main(["replay", str(other), "--no-log"]) == 0
+    line = f"1 of {count} estimates differ by up to 0.5 deg (recorded by version 0.0.9)"
+    assert line in capsys.readouterr().out.splitlines()
+    assert main(["replay", str(other), "--no-log", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["estimates_apart_deg"] == pytest.approx(0.5, abs=1e-6)
+    assert (result["estimates_equal"], result["recorded_by"]) == (count - 1, "0.0.9")
+
+
+def with_other_estimates(log: Path, other: Path, version: str) -> None:
+    """A copy of a log as another version would have made it."""
+    with log.open("rb") as source, other.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start()
+        for attachment in reader.iter_attachments():
+            writer.add_attachment(
+                attachment.create_time,
+                attachment.log_time,
+                attachment.name,
+                attachment.media_type,
+                attachment.data,
+            )
+        for found in reader.iter_metadata():
+            run = {"version": version} if "version" in found.metadata else {}
+            writer.add_metadata(found.name, {**found.metadata, **run})
+        channels, number = {}, 0
+        for schema, channel, message in reader.iter_messages():
+            if channel.id not in channels:
+                made = 0
+                if schema is not None:
+                    made = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, made, channel.metadata
+                )
+            bodies = [message.data]
+            if channel.topic == "/estimate":
+                number += 1
+                if number == 20:
+                    bodies = [turned(message.data, 0.0, -1), turned(message.data, 0.5 * DEG, 0)]
+            for body in bodies:
+                writer.add_message(
+                    channels[channel.id], message.log_time, body, message.publish_time
+                )
+        writer.finish()
+
+
+def turned(body: bytes, angle: float, later_us: int) -> bytes:
+    """An estimate's record, turned about north and moved in time."""
+    record = json.loads(body)
+    q_nb = tuple(record[f"q_{axis}"] for axis in "wxyz")
+    for axis, part in zip("wxyz", quaternion.turned(q_nb, (angle, 0.0, 0.0)), strict=True):
+        record[f"q_{axis}"] = part
+    record["t_us"] += later_us
+    return json.dumps(record).encode()
