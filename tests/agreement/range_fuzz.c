@@ -69,9 +69,9 @@ int main(int argc, char **argv)
             draw((int32_t *)&s, state_ranges, STATE_SIZE);
             draw((int32_t *)&g, gains_ranges, GAINS_SIZE);
             make_unit(s.q_nb);
-            make_unit(s.mag_attitude);
             /* Lemma 9: the sums of a frame start with it. */
-            s.innovation_sum_n = s.innovation_sum_e = s.turning_sum = s.jitter_sum = 0;
+            s.innovation_sum_n = s.innovation_sum_e = s.turning_sum = s.jitter_sum = s.force_sum = 0;
+            s.mag_count = 0;
             if (s.aided == 0) { /* Lemma 11: fixes alone have gains above one */
                 s.velocity_use = s.velocity_use > 1 ? 1 : s.velocity_use;
                 s.k_tilt_s = abs(s.k_tilt_s);

@@ -501,7 +501,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s.q_nb[:] = [round(part * _UNIT_Q29) for part in found.q_nb]
         s.turn_carry[:] = s.correction[:] = [0, 0, 0]
         # a waiting field belongs to another attitude
-        s.mag_span_us = s.mag_frame_us = s.mag_learn_us = 0
+        s.mag_span_us = s.mag_count = s.mag_frame_us = s.mag_learn_us = 0
         r_nb = [0] * 9
         rotation(s.q_nb, r_nb)
         restart_tilt(s, u, r_nb)

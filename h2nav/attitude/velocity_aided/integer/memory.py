@@ -59,6 +59,8 @@ GAINED_MASK = (1 << 28) - 1
 LOG_MAX = 10240
 FIELD_MAX_US = 1000000  # a sample never counts for more than this time
 NORM_MAX = 60000
+FIELD_SUM_MAX = FRAME * 4 * 56757  # of fields turned to n, Lemma 7
+DUE_MAX = CORRECTION_MAX >> 4
 REF_MAX = NORM_MAX << 12
 LAG_MAX = 12500
 FIELD_PART_MAX = 4095  # of a part of a field or of its change, where the latency learns from it
@@ -207,13 +209,18 @@ class State(SharedFields):
     mag_span_us: I32 = integer(
         0, FIELD_MAX_US, "us", "time that the field in mag_ned stands for; 0: no new one"
     )
-    mag_attitude: list[I32] = integers(
-        4, -Q_LIMIT, Q_LIMIT, "", "attitude when the field that waits came, scalar first", q=29
+    mag_count: I32 = integer(0, FRAME, "", "fields of the frame so far")
+    mag_sum: list[I32] = integers(3, -FIELD_SUM_MAX, FIELD_SUM_MAX, "64 uT", "their sum in n", q=16)
+    mag_rate_sum: list[I32] = integers(
+        3, -FRAME * RATE_FREE, FRAME * RATE_FREE, "rad/us", "sum of rates less bias then", q=29
     )
-    mag_gyro: list[I32] = integers(
-        3, -RATE_FREE, RATE_FREE, "rad/us", "rate less bias then; 537 = 1 rad/s", q=29
+    mag_due_sum: I32 = integer(
+        -FRAME * DUE_MAX, FRAME * DUE_MAX, "2 rad", "sum of corrections to come then", q=26
     )
-    mag_ned: list[I32] = integers(3, -NORM_MAX, NORM_MAX, "64 uT", "field in n", q=14)
+    heading_added: I32 = integer(
+        -CORRECTION_MAX, CORRECTION_MAX, "2 rad", "corrections of the heading since the first", q=30
+    )
+    mag_ned: list[I32] = integers(3, -NORM_MAX, NORM_MAX, "64 uT", "mean field in n", q=14)
     mag_rate: list[I32] = integers(
         3, -32767, 32767, "64 uT 1e6 2^-28 /s", "its change by rotation", q=14
     )
@@ -336,7 +343,7 @@ class State(SharedFields):
         -CORRECTION_MAX,
         CORRECTION_MAX,
         "2 rad",
-        "correction[2] as if nothing had been turned since the field in mag_ned came",
+        "correction[2] as if nothing had been turned since the fields in mag_ned came",
         q=30,
     )
     declination: I32 = integer(1 - (1 << 30), (1 << 30) - 1, "rad", "declination", q=28)

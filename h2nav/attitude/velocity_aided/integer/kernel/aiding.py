@@ -38,8 +38,15 @@ def in_force(bias: I32) -> I32:
     return ((bias >> 14) * 15625) >> 14
 
 
-def find_spread_of_all(s: State, row: list[I32], row_accel: list[I32]) -> I32:
-    """As `find_spread`, of theta and the accelerometer's bias together.
+def find_spread(s: State, row: list[I32], row_accel: list[I32]) -> I32:
+    """Writes h = P a of a row a, and a h; returns the innovation that D already explains.
+
+    Of theta and the accelerometer's bias together; that is known while no velocity is measured.
+
+    Args:
+        s: state.
+        row: how the measurement depends on theta, Q24 of the measurement's unit.
+        row_accel: how it depends on the accelerometer's bias.
 
     Source: docs/fixed-point.md Eq. (21).
     """
@@ -74,7 +81,9 @@ def find_spread_of_all(s: State, row: list[I32], row_accel: list[I32]) -> I32:
     s.gain_h[3] = h_3
     s.gain_accel[0] = h_x
     s.gain_accel[1] = h_y
-    s.gain_variance = clamp(limited(variance, 1 << 30), 0, 1 << 30)
+    if variance < 0:
+        variance = 0
+    s.gain_variance = limited(variance, 1 << 30)
     s.gain_scale = scale
     s.gain_fall = fall
     explained = times(s.dtheta[0], s.dtheta[1], s.dtheta[2], s.dtheta[3], a)
@@ -155,7 +164,7 @@ def find_fix_gain(
     row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
     s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MAX)
     noise = s.fix_noise + clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
-    explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread_of_all(s, row, row_accel)
+    explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread(s, row, row_accel)
     y = innovation - limited(explained, THETA_MAX)
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
 

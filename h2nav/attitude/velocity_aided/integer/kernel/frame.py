@@ -21,7 +21,7 @@ from .aiding import (
     apply_accel,
     apply_lag,
     find_fix_gain,
-    find_spread_of_all,
+    find_spread,
     predict_innovation,
     show_accel,
     use_accel_gain,
@@ -52,8 +52,6 @@ from .heading import (
 from .theta import (
     apply_theta,
     fade_tilt_sigma,
-    find_gain,
-    find_spread,
     use_gain,
     use_level_gain,
     weigh_gain,
@@ -73,7 +71,7 @@ def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
         return judge_motion(s, g, sample, r, phase)
     if phase < 10:
         return use_motion(s, g, sample, r, phase)
-    return use_field(s, g, phase)
+    return use_field(s, g, r, phase)
 
 
 def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
@@ -155,7 +153,8 @@ def find_motion_gain(
     elif s.velocity_use == 2:
         find_fix_gain(s, row, row_accel, innovation, s.accel_e if axis > 0 else s.accel_n, axis)
     elif s.velocity_use == 1:
-        find_gain(s, row, innovation, s.log_noise)
+        nothing = [0, 0]
+        weigh_gain(s, innovation - find_spread(s, row, nothing), s.log_noise)
 
 
 def use_motion_gain(s: State, g: Gains, r: list[I32], axis: I32) -> None:
@@ -216,15 +215,15 @@ def end_frame(s: State, g: Gains) -> None:
             match_variance(s, g)
 
 
-def use_field(s: State, g: Gains, phase: I32) -> I32:
+def use_field(s: State, g: Gains, r: list[I32], phase: I32) -> I32:
     """Corrects theta by the heading of the newest field, if accepted; returns bits.
 
     The correction is applied with that by the next frame's velocity.
     """
     if phase == 10:
         s.mag_accepted = 0
-        if s.mag_span_us > 0:
-            resolve_field(s, g)
+        if s.mag_count > 0:
+            resolve_field(s, g, r)
     elif phase == 11:
         if s.mag_frame_us > 0:
             judge_field(s, g)
@@ -246,11 +245,7 @@ def measure_heading(s: State, g: Gains, phase: I32) -> None:
     Source: docs/filter.md Eq. (25), (39), (57).
     """
     if phase == 12:
-        explained = 0
-        if s.aided > 0:
-            explained = find_spread_of_all(s, s.jacobian, s.jacobian_accel)
-        else:
-            explained = find_spread(s, s.jacobian)
+        explained = find_spread(s, s.jacobian, s.jacobian_accel)
         s.heading_innovation = limited(s.heading_innovation - explained, THETA_MAX)
         judge_heading(s, g)
     elif phase == 14:

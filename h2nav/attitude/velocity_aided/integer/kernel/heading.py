@@ -6,16 +6,19 @@ the heading is the only angle computed.
 Source: docs/fixed-point.md Eq. (27) to (29); docs/filter.md Eq. (21) to (26).
 """
 
-from h2nav.attitude.integer.motion import rotation
 from h2nav.maths.fixedpoint import I32, clamp, known
 
 from ..memory import (
     AGE_MAX_US,
+    DUE_MAX,
     FIELD_MAX_US,
     FIELD_PART_MAX,
+    FIELD_SUM_MAX,
+    FRAME,
     LOG_MAX,
     MAX_REJECTED,
     NORM_MAX,
+    RATE_FREE,
     REF_MAX,
     THETA_MAX,
     Gains,
@@ -28,25 +31,30 @@ from .theta import add_heading, forget_sensitivities
 
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
+# bits of the parts of a frame that leave no time for turning a field
+LONG_PARTS = 0b1100_0100_1101_1000
+RARE_PARTS = 4  # of a sample that comes at 20 Hz or less
+TURNED_MAX = 33500  # rate in n: the root of three times RATE_FREE
 MIN_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
 MIN_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
 
 
-def take_field(s: State, sample: Sample, w: list[I32]) -> None:
-    """Keeps a new field, with attitude and rate, for its part of the frame; skips a repeated one.
+def take_field(s: State, sample: Sample, w: list[I32], r: list[I32]) -> None:
+    """Adds a new field to those of the frame; skips a repeated one.
+
+    One that comes with a sample whose part of the frame is a long one is left out, unless there
+    has been none for a second, or such samples are rare.
 
     Args:
         s: state.
         sample: one with a field.
         w: rate less bias, 1e6 2^-29 rad/s.
+        r: rotation.
 
-    Source: docs/filter.md Eq. (21).
+    Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
     """
-    if s.mag_frame_us > 0:
-        # the one before is in use; the time of this one is added to that of the next
-        return
     x = sample.mag[0]
     y = sample.mag[1]
     z = sample.mag[2]
@@ -55,46 +63,66 @@ def take_field(s: State, sample: Sample, w: list[I32]) -> None:
     s.mag_last[0] = x
     s.mag_last[1] = y
     s.mag_last[2] = z
-    # a field not used before the next one adds its time to that
+    is_long = (LONG_PARTS >> s.phase) & 1
+    if is_long > 0 and s.mag_age_us < FIELD_MAX_US and s.parts_so_far < RARE_PARTS:
+        return
+    if s.mag_count == 0:
+        s.heading_added = 0
+        s.mag_due_sum = 0
+        for i in range(3):
+            s.mag_sum[i] = 0
+            s.mag_rate_sum[i] = 0
+    # a field that is left out adds its time to that of the next
     s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MAX_US)
     s.mag_age_us = 0
-    s.heading_due = s.correction[2]
-    for i in range(4):
-        s.mag_attitude[i] = s.q_nb[i]
+    # at most sixteen since the sums were zero (Lemma 9)
     for i in range(3):
-        s.mag_gyro[i] = w[i]
+        part = ((r[3 * i] * x) >> 1) + ((r[3 * i + 1] * y) >> 1) + ((r[3 * i + 2] * z) >> 1)
+        s.mag_sum[i] = known(s.mag_sum[i] + (part >> 12), -FIELD_SUM_MAX, FIELD_SUM_MAX)
+        s.mag_rate_sum[i] = known(s.mag_rate_sum[i] + w[i], -FRAME * RATE_FREE, FRAME * RATE_FREE)
+    due = limited((s.correction[2] >> 4) - (s.heading_added >> 4), DUE_MAX)
+    s.mag_due_sum = known(s.mag_due_sum + due, -FRAME * DUE_MAX, FRAME * DUE_MAX)
+    s.mag_count = known(s.mag_count + 1, 0, FRAME)
 
 
-def turn_field(s: State) -> None:
-    """Turns the waiting field to n, with its change by the rotation.
+def mean_field(s: State, r: list[I32]) -> None:
+    """Takes the mean of the waiting fields, and of its change by the rotation.
+
+    Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
+    """
+    share = ratio(1, clamp(s.mag_count, 1, FRAME))
+    w = [0, 0, 0]
+    for i in range(3):
+        part = (product(s.mag_sum[i] << 4, share) + 32) >> 6
+        s.mag_ned[i] = limited(part, NORM_MAX)
+        w[i] = limited(product(s.mag_rate_sum[i], share), RATE_FREE)
+    # a turn keeps the length (Lemma 7)
+    x = known(turned(r[0], r[1], r[2], w), -TURNED_MAX, TURNED_MAX)
+    y = known(turned(r[3], r[4], r[5], w), -TURNED_MAX, TURNED_MAX)
+    z = known(turned(r[6], r[7], r[8], w), -TURNED_MAX, TURNED_MAX)
+    north = s.mag_ned[0] >> 1
+    east = s.mag_ned[1] >> 1
+    down = s.mag_ned[2] >> 1
+    # undoes the rotation since the samples were taken
+    s.mag_rate[0] = limited((y * down - z * east) >> 14, 32767)
+    s.mag_rate[1] = limited((z * north - x * down) >> 14, 32767)
+    s.mag_rate[2] = limited((x * east - y * north) >> 14, 32767)
+    due = product(s.mag_due_sum, share) + (s.heading_added >> 4)
+    s.heading_due = limited(due, DUE_MAX) << 4
+    s.mag_count = 0
+
+
+def turned(a: I32, b: I32, c: I32, w: list[I32]) -> I32:
+    """One component of a rate in n, from a row of the rotation."""
+    return (((a * w[0]) >> 1) + ((b * w[1]) >> 1) + ((c * w[2]) >> 1)) >> 14
+
+
+def resolve_field(s: State, g: Gains, r: list[I32]) -> None:
+    """Undoes the latency of the mean field; writes its horizontal part, length and heading.
 
     Source: docs/filter.md Eq. (21).
     """
-    r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
-    rotation(s.mag_attitude, r)
-    x = s.mag_last[0]
-    y = s.mag_last[1]
-    z = s.mag_last[2]
-    # undoes the rotation since the sample was taken
-    change_x = (s.mag_gyro[1] * z - s.mag_gyro[2] * y) >> 15
-    change_y = (s.mag_gyro[2] * x - s.mag_gyro[0] * z) >> 15
-    change_z = (s.mag_gyro[0] * y - s.mag_gyro[1] * x) >> 15
-    for i in range(3):
-        a = r[3 * i]
-        b = r[3 * i + 1]
-        c = r[3 * i + 2]
-        part = (((a * x) >> 1) + ((b * y) >> 1) + ((c * z) >> 1)) >> 14
-        s.mag_ned[i] = known(part, -NORM_MAX, NORM_MAX)  # Lemma 2
-        part = (((a * change_x) >> 1) + ((b * change_y) >> 1) + ((c * change_z) >> 1)) >> 14
-        s.mag_rate[i] = limited(part, 32767)
-
-
-def resolve_field(s: State, g: Gains) -> None:
-    """Undoes the latency of the waiting field; writes its horizontal part, length and heading.
-
-    Source: docs/filter.md Eq. (21).
-    """
-    turn_field(s)
+    mean_field(s, r)
     s.mag_frame_us = s.mag_span_us
     s.mag_span_us = 0
     size = s.mag_ref_norm >> 14

@@ -83,8 +83,10 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """Uses force, field and fix of one sample, and runs its part of the frame; returns bits."""
     w = [0, 0, 0]
     bits = 0
+    has_mag = sample.has_mag
     if sample.aided != s.aided:
         change_aiding(s, g, sample, r)
+        has_mag = 0  # that is enough for one sample
     rates(s, sample, w)
     accelerate(s, sample, r)
     if sample.aided > 0:
@@ -93,8 +95,8 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     else:
         correct_velocity(s, sample, r)
         bits = FORCE_USED
-    if sample.has_mag > 0:
-        take_field(s, sample, w)
+    if has_mag > 0:
+        take_field(s, sample, w, r)
     watch_rest(s, g, sample)
     return bits | second_stage(s, g, sample, r)
 

@@ -38,49 +38,6 @@ def digits_of(a: I32, b: I32, c: I32, d: I32) -> I32:
     return bits_of(size_of(a) | size_of(b) | size_of(c) | size_of(d))
 
 
-def find_gain(s: State, row: list[I32], innovation: I32, log_noise: I32) -> None:
-    """Gain for one scalar measurement of theta; `use_gain` applies it with the next sample.
-
-    Args:
-        s: state.
-        row: how the measurement depends on theta, Q24 of the measurement's unit.
-        innovation: the same unit, Q24.
-        log_noise: of its variance without the error of theta.
-
-    Source: docs/fixed-point.md Eq. (20), (21).
-    """
-    weigh_gain(s, innovation - find_spread(s, row), log_noise)
-
-
-def find_spread(s: State, row: list[I32]) -> I32:
-    """Writes H = P a of a row a, and a H; returns the innovation that D already explains.
-
-    Source: docs/fixed-point.md Eq. (21).
-    """
-    scale = clamp(digits_of(row[0], row[1], row[2], row[3]) - 13, 0, 18)
-    a = [0, 0, 0, 0]
-    for i in range(4):
-        a[i] = known(row[i] >> scale, -8192, 8191)
-    h0 = times(s.p_xx, s.p_xy, s.p_xz, s.p_xh, a)
-    h1 = times(s.p_xy, s.p_yy, s.p_yz, s.p_yh, a)
-    h2 = times(s.p_xz, s.p_yz, s.p_zz, s.p_zh, a)
-    h3 = times(s.p_xh, s.p_yh, s.p_zh, s.heading_variance, a)
-    fall = clamp(digits_of(h0, h1, h2, h3) - 15, 0, 16)
-    h0 = known(h0 >> fall, -32768, 32767)
-    h1 = known(h1 >> fall, -32768, 32767)
-    h2 = known(h2 >> fall, -32768, 32767)
-    h3 = known(h3 >> fall, -32768, 32767)
-    variance = a[0] * h0 + a[1] * h1 + a[2] * h2 + a[3] * h3
-    s.gain_h[0] = h0
-    s.gain_h[1] = h1
-    s.gain_h[2] = h2
-    s.gain_h[3] = h3
-    s.gain_variance = clamp(variance, 0, 1 << 30)
-    s.gain_scale = scale
-    s.gain_fall = fall
-    return limited(shifted(row_times(s.dtheta, a), 13 - scale), THETA_MAX)
-
-
 def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
     """Divides by the variance of the innovation, noise included.
 
@@ -252,6 +209,7 @@ def add_heading(s: State, angle: I32) -> None:
     """Adds a heading (half radians, Q30) to the correction to come."""
     s.correction[2] = limited(s.correction[2] + angle, CORRECTION_MAX)
     s.heading_due = limited(s.heading_due + angle, CORRECTION_MAX)
+    s.heading_added = limited(s.heading_added + angle, CORRECTION_MAX)
 
 
 def limit_heading(s: State, g: Gains) -> None:

@@ -21,9 +21,9 @@ from ..memory import (
     Sample,
     State,
 )
-from .aiding import find_spread_of_all
+from .aiding import find_spread
 from .functions import bits_of, limited, logarithm, power2, product
-from .theta import find_spread, forget_sensitivities, limit_heading, weigh_gain
+from .theta import forget_sensitivities, limit_heading, weigh_gain
 
 MAX_CLIPPED = 53687091  # 0.2 rad, Q28: start again after clipped samples that may have hidden more
 ALL_CLIPPED = 161061274  # 0.6 rad: ... and the force is the better guess
@@ -133,12 +133,8 @@ def find_rest_gain(s: State, g: Gains) -> None:
     s.jacobian[axis] = 1 << 24
     # two of three axes in a frame: each has the noise of one and a half
     log_time = logarithm(s.frame_time * 3 + 1) - (18 << 8)
-    explained = 0
-    if s.aided > 0:
-        nothing = [0, 0]
-        explained = find_spread_of_all(s, s.jacobian, nothing)
-    else:
-        explained = find_spread(s, s.jacobian)
+    nothing = [0, 0]
+    explained = find_spread(s, s.jacobian, nothing)
     weigh_gain(s, bias_error(s, axis) - explained, g.log_rest_noise - log_time)
 
 
@@ -257,6 +253,7 @@ def upright(s: State, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     s.correction[2] = 0
     # a waiting field was rotated by another attitude
     s.mag_span_us = 0
+    s.mag_count = 0
     s.mag_frame_us = 0
     s.mag_learn_us = 0
     return 1

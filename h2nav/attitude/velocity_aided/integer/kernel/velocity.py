@@ -98,6 +98,7 @@ def begin_frames(s: State) -> None:
     s.turning_sum = 0
     s.jitter_sum = 0
     s.force_sum = 0
+    s.mag_count = 0
     s.velocity_use = 0
     s.k_tilt_m = 0
     s.k_tilt_s = 0
