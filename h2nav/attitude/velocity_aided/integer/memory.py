@@ -272,6 +272,13 @@ class State(SharedFields):
         "mean turn of the field about the vertical, times its horizontal part",
         q=22,
     )
+    mag_turn_now: I32 = integer(
+        -FIELD_PART_MAX,
+        FIELD_PART_MAX,
+        "64 uT 1e6 2^-28 /s",
+        "that of the field to learn from",
+        q=14,
+    )
     mag_turn_error: I32 = integer(
         -MEAN_FIELD_PART_MAX,
         MEAN_FIELD_PART_MAX,

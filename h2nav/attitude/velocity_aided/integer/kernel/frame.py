@@ -45,6 +45,7 @@ from .heading import (
     judge_heading,
     learn_field,
     learn_latency,
+    learn_turns,
     prepare_heading,
     resolve_field,
     weigh_heading,
@@ -86,6 +87,8 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
             predict_shared(s, g, r)
             predict_accel(s, r)
     elif phase == 2:
+        if s.mag_learn_us > 0:
+            learn_latency(s)
         return judge_velocity(s, g, sample, r)
     else:
         if s.velocity_use == 1:
@@ -93,7 +96,7 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
         elif s.velocity_use == 2:
             choose_fix(s, g)
         if s.mag_learn_us > 0:
-            learn_latency(s)
+            learn_turns(s)
     return 0
 
 

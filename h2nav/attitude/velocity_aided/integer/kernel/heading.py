@@ -32,7 +32,7 @@ from .theta import add_heading, forget_sensitivities
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
 # bits of the parts of a frame that leave no time for turning a field
-LONG_PARTS = 0b1100_0100_1101_1000
+LONG_PARTS = 0b1100_0100_1111_1010
 RARE_PARTS = 4  # of a sample that comes at 20 Hz or less
 TURNED_MAX = 33500  # rate in n: the root of three times RATE_FREE
 MIN_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
@@ -322,44 +322,9 @@ def heading_error(s: State) -> I32:
     return limited(known(error, -HALF_TURN_Q28, HALF_TURN_Q28) - (s.heading_due >> 1), THETA_MAX)
 
 
-def learn_latency(s: State) -> None:
-    """Learns the field's latency from a field that was accepted in the frame before.
-
-    Source: docs/fixed-point.md Eq. (37); docs/filter.md Eq. (21), (71).
-    """
-    age = s.mag_learn_us
-    s.mag_learn_us = 0
-    weight = (age + 8192) >> 14
-    cosine = part_of_field(s, s.mag_ned[0])
-    sine = part_of_field(s, s.mag_ned[1])
-    north_rate = s.mag_rate[0]
-    east_rate = s.mag_rate[1]
-    down_rate = limited(s.mag_rate[2], FIELD_PART_MAX)
-    flat_rate = limited(
-        (((cosine * north_rate) >> 1) + ((sine * east_rate) >> 1)) >> 14, FIELD_PART_MAX
-    )
-    down = s.mag_ned[2] + ((s.mag_lag * down_rate) >> 11) - (s.mag_ref_down >> 12)
-    flat = s.mag_horizontal + ((s.mag_lag * flat_rate) >> 11) - (s.mag_ref_horizontal >> 12)
-    if abs(north_rate) + abs(east_rate) + abs(down_rate) >= MIN_FIELD_RATE:
-        learn_from_parts(
-            s,
-            weight,
-            limited(down, FIELD_PART_MAX),
-            down_rate,
-            limited(flat, FIELD_PART_MAX),
-            flat_rate,
-        )
-    turn = limited((((cosine * east_rate) >> 1) - ((sine * north_rate) >> 1)) >> 14, FIELD_PART_MAX)
-    error = limited(product(heading_error(s), s.mag_horizontal >> 2) >> 11, FIELD_PART_MAX)
-    follow_turns(s, turn, error, age)
-    if s.mag_accepted == 2 and s.aided > 0 and s.mag_ref_given > 0:
-        turn -= s.mag_turn >> 8
-        error -= s.mag_turn_error >> 8
-        learn_from_turn(s, weight, limited(turn, FIELD_PART_MAX), limited(error, FIELD_PART_MAX))
-    if s.mag_lag_den > 1 << 29:
-        # old samples count for less, so that the sums stay bounded
-        s.mag_lag_den = s.mag_lag_den >> 1
-        s.mag_lag_num = s.mag_lag_num >> 1
+def weight_of(s: State) -> I32:
+    """The time that the field stands for, 2^14 us."""
+    return (s.mag_learn_us + 8192) >> 14
 
 
 def part_of_field(s: State, part: I32) -> I32:
@@ -368,6 +333,47 @@ def part_of_field(s: State, part: I32) -> I32:
     if part < 0:
         return -share
     return share
+
+
+def learn_latency(s: State) -> None:
+    """Learns the latency from a field that was accepted in the frame before, by its parts.
+
+    Source: docs/filter.md Eq. (21).
+    """
+    cosine = part_of_field(s, s.mag_ned[0])
+    sine = part_of_field(s, s.mag_ned[1])
+    north_rate = s.mag_rate[0]
+    east_rate = s.mag_rate[1]
+    down_rate = limited(s.mag_rate[2], FIELD_PART_MAX)
+    rate = (((cosine * north_rate) >> 1) + ((sine * east_rate) >> 1)) >> 14
+    flat_rate = limited(rate, FIELD_PART_MAX)
+    down = s.mag_ned[2] + ((s.mag_lag * down_rate) >> 11) - (s.mag_ref_down >> 12)
+    flat = s.mag_horizontal + ((s.mag_lag * flat_rate) >> 11) - (s.mag_ref_horizontal >> 12)
+    down = limited(down, FIELD_PART_MAX)
+    flat = limited(flat, FIELD_PART_MAX)
+    if abs(north_rate) + abs(east_rate) + abs(down_rate) >= MIN_FIELD_RATE:
+        learn_from_parts(s, weight_of(s), down, down_rate, flat, flat_rate)
+    rate = (((cosine * east_rate) >> 1) - ((sine * north_rate) >> 1)) >> 14
+    s.mag_turn_now = limited(rate, FIELD_PART_MAX)
+
+
+def learn_turns(s: State) -> None:
+    """Learns the latency from that field, by its turn about the vertical.
+
+    Source: docs/fixed-point.md Eq. (37); docs/filter.md Eq. (71).
+    """
+    turn = s.mag_turn_now
+    error = limited(product(heading_error(s), s.mag_horizontal >> 2) >> 11, FIELD_PART_MAX)
+    follow_turns(s, turn, error, s.mag_learn_us)
+    if s.mag_accepted == 2 and s.aided > 0 and s.mag_ref_given > 0:
+        turn = limited(turn - (s.mag_turn >> 8), FIELD_PART_MAX)
+        error = limited(error - (s.mag_turn_error >> 8), FIELD_PART_MAX)
+        learn_from_turn(s, weight_of(s), turn, error)
+    s.mag_learn_us = 0
+    if s.mag_lag_den > 1 << 29:
+        # old samples count for less, so that the sums stay bounded
+        s.mag_lag_den = s.mag_lag_den >> 1
+        s.mag_lag_num = s.mag_lag_num >> 1
 
 
 def turn_heading(s: State, g: Gains, angle: I32) -> None:
