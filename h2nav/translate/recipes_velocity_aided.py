@@ -100,9 +100,10 @@ def _saturating(name: str, step: float) -> Operand:
     return found._replace(grids=tuple(grid._replace(saturates=True) for grid in found.grids))
 
 
-def _part(name: str, step: float) -> Operand:
+def _part(name: str, step: float, size: int = 1) -> Operand:
     """An argument that is a part of a field, or of its change."""
-    return Operand(name, (Grid(step, -integers.FIELD_PART_MAX, integers.FIELD_PART_MAX),))
+    end = size * integers.FIELD_PART_MAX
+    return Operand(name, (Grid(step, -end, end),))
 
 
 _FIELD = 2.0**-14  # 64 uT
@@ -284,10 +285,6 @@ RECIPES = (
             "error": _part("error", _FIELD),
             "lag": _own("mag_lag", LAG_UNIT_S),
         },
-        {
-            "lag * turn - error": Grid(
-                _FIELD, -integers.FIELD_PART_MAX, integers.FIELD_PART_MAX, saturates=True
-            )
-        },
+        {"lag * turn - error": _part("", _FIELD, 2).grids[0]._replace(saturates=True)},
     ),
 )

@@ -19,7 +19,14 @@ from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.batch import special_samples
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.attitude.velocity_aided.integer.memory import FIELD_USED, Gains, Sample, State
+from h2nav.attitude.velocity_aided.integer.memory import (
+    FIELD_USED,
+    GAP_MAX_US,
+    GAP_US,
+    Gains,
+    Sample,
+    State,
+)
 from h2nav.attitude.velocity_aided.integer.units import BIAS_WORD_RAD_S
 from h2nav.maths.units import GRAVITY_M_S2
 
@@ -80,6 +87,7 @@ class IntegerVelocityAidedBatch:
         table["dt_us"] = gaps
         counts = np.maximum(-(-gaps // MAX_DT_US), 1)
         self._last = last = np.cumsum(counts) - 1
+        table["gap_us"] = np.where(gaps > GAP_US, np.minimum(gaps, GAP_MAX_US), 0)
         if len(table) == last[-1] + 1:
             return table
         sample = np.repeat(np.arange(len(table)), counts)
@@ -88,6 +96,7 @@ class IntegerVelocityAidedBatch:
         table["dt_us"] = (number + 1) * gaps // counts - number * gaps // counts
         table["has_mag"][number < counts - 1] = 0
         table["is_held"] = number > 0
+        table["gap_us"][number > 0] = 0
         return table
 
     def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:

@@ -39,6 +39,8 @@ from h2nav.attitude.velocity_aided.integer.kernel.tilt import restart_tilt
 from h2nav.attitude.velocity_aided.integer.kernel.velocity import begin_frames
 from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
+    GAP_MAX_US,
+    GAP_US,
     THETA_MAX,
     TILT_SIGMA_MAX,
     VARIANCE_MIN,
@@ -113,7 +115,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
     u.mag[:] = [_MAG.fixed(part / field_unit) for part in m] if m and has_mag else [0, 0, 0]
     u.has_mag = int(has_mag)
     u.clipped = int(clipping(sample.f_b, sample.clipped))
-    u.aided = u.has_fix = u.is_held = 0
+    u.aided = u.has_fix = u.is_held = u.gap_us = 0
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
     u.fix_accel_n = u.fix_accel_e = 0
     u.fix_variance = u.fix_period_us = 1
@@ -135,14 +137,20 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         dt_us: its time, of any length.
     """
     steps = max(-(-dt_us // MAX_DT_US), 1)
+    if steps == 1:
+        u.dt_us = dt_us
+        yield u
+        return
     has_mag, has_fix = u.has_mag, u.has_fix
     for number in range(steps):
         is_last = number == steps - 1
         u.has_mag = has_mag if is_last else 0
         u.has_fix = has_fix if is_last else 0
         u.is_held = int(number > 0)
+        u.gap_us = min(dt_us, GAP_MAX_US) if number == 0 and dt_us > GAP_US else 0
         u.dt_us = (number + 1) * dt_us // steps - number * dt_us // steps
         yield u
+    u.is_held = 0
 
 
 class ForceNoise:

@@ -63,6 +63,8 @@ FIELD_SUM_MAX = FRAME * 4 * 56757  # of fields turned to n, Lemma 7
 DUE_MAX = CORRECTION_MAX >> 4
 REF_MAX = NORM_MAX << 12
 LAG_MAX = 12500
+GAP_US = 150000  # samples come at 10 Hz at least, so that of a longer step some are missing
+GAP_MAX_US = 1000000
 FIELD_PART_MAX = 4095  # of a part of a field or of its change, where the latency learns from it
 MEAN_FIELD_PART_MAX = FIELD_PART_MAX << 8
 PACKED_MAX = (32767 << 5) + 31
@@ -85,7 +87,7 @@ class State(SharedFields):
         3, -CARRY_LIMIT, CARRY_LIMIT, "2 rad", "rest of a turn for the next step, body", q=30
     )
     age_us: I32 = integer(-1, AGE_MAX_US, "us", "time since the tilt was found; -1: not aligned")
-    saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
+    mag_age_us: I32 = integer(0, FIELD_MAX_US, "us", "time since it came")
     velocity_n: I32 = integer(-VELOCITY_MAX, VELOCITY_MAX, "s", "velocity north", q=24)
     velocity_e: I32 = integer(-VELOCITY_MAX, VELOCITY_MAX, "s", "velocity east", q=24)
     velocity_carry_n: I32 = integer(0, 8191, "", "what rounding has left of the acceleration north")
@@ -112,6 +114,7 @@ class State(SharedFields):
     gyro_step: list[I32] = integers(
         3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
     )
+    saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
     rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
     dtheta: list[I32] = integers(
         4, -THETA_MAX, THETA_MAX, "", "correction of theta that the frame has found", q=28
@@ -205,7 +208,6 @@ class State(SharedFields):
     fix_accel_e: I32 = integer(-32768, 32767, "g", "acceleration when it was true, east", q=13)
     fix_period_us: I32 = integer(0, 1 << 22, "us", "time since the fix before; 0: none waits")
     mag_last: list[I32] = integers(3, -32768, 32767, "64 uT", "field that came last, body", q=14)
-    mag_age_us: I32 = integer(0, FIELD_MAX_US, "us", "time since it came")
     mag_span_us: I32 = integer(
         0, FIELD_MAX_US, "us", "time that the field in mag_ned stands for; 0: no new one"
     )
@@ -392,6 +394,12 @@ class Sample:
     dt_us: I32 = integer(0, MAX_DT_US, "us", "time since the sample before")
     is_held: I32 = integer(
         0, 1, "", "1: a further part of a long sample, with rate and force of the part before"
+    )
+    gap_us: I32 = integer(
+        0,
+        GAP_MAX_US,
+        "us",
+        "after missing samples, with the first part: time since the last",
     )
     clipped: I32 = integer(
         0, 2, "", "1: the rate counts, force and field do not; 2: the rate is sure"

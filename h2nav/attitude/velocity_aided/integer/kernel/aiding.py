@@ -83,7 +83,9 @@ def find_spread(s: State, row: list[I32], row_accel: list[I32]) -> I32:
     s.gain_accel[1] = h_y
     if variance < 0:
         variance = 0
-    s.gain_variance = limited(variance, 1 << 30)
+    if variance > 1 << 30:
+        variance = 1 << 30
+    s.gain_variance = variance
     s.gain_scale = scale
     s.gain_fall = fall
     explained = times(s.dtheta[0], s.dtheta[1], s.dtheta[2], s.dtheta[3], a)
@@ -115,7 +117,7 @@ def use_accel_gain(s: State, learns: I32) -> None:
         s.p_accel_y[i] = lowered(s.p_accel_y[i], k_y * s.gain_h[i] >> shift)
     if learns > 0 and s.p_accel[0] > 0:
         # a variance falls by share (2 - share) of its largest fall
-        falls = clamp((learns * (65536 - learns)) >> 15, 0, 32767)
+        falls = limited((learns * (65536 - learns)) >> 15, 32767)
         s.p_accel[0] = lowered_variance(s.p_accel[0], product(k_x * h_x >> shift, falls))
         s.p_accel[1] = lowered(s.p_accel[1], product(k_x * h_y >> shift, falls))
         s.p_accel[2] = lowered_variance(s.p_accel[2], product(k_y * h_y >> shift, falls))
@@ -163,7 +165,10 @@ def find_fix_gain(
     """
     row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
     s.gain_lag = limited(product(s.fix_lag_variance, row_lag), LATENCY_MAX)
-    noise = s.fix_noise + clamp(product(s.gain_lag, row_lag), 0, 1 << 29)
+    by_lag = product(s.gain_lag, row_lag)
+    if by_lag < 0:
+        by_lag = 0
+    noise = s.fix_noise + by_lag
     explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread(s, row, row_accel)
     y = innovation - limited(explained, THETA_MAX)
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
@@ -202,7 +207,7 @@ def use_lag_gain(s: State) -> None:
     s.dfix_lag = limited(s.dfix_lag + step, LATENCY_MAX)
     part = (h * s.gain_inverse + 16384) >> 15
     fall = limited(shifted(h * part, clamp(s.gain_digits - 36 - 2 * scale, -12, 31)), 1 << 30)
-    fall = product(fall, clamp((learns * (65536 - learns)) >> 15, 0, 32767))
+    fall = product(fall, limited((learns * (65536 - learns)) >> 15, 32767))
     if s.fix_lag_variance > 0:
         s.fix_lag_variance = clamp(s.fix_lag_variance - fall, LAG_VARIANCE_MIN, LATENCY_MAX - 1)
 

@@ -459,7 +459,7 @@ def learn_from_turn(s: State, weight: I32, turn: I32, error: I32) -> None:
     """
     s.mag_lag_num = limited(
         s.mag_lag_num
-        + ((turn * weight * limited(((s.mag_lag * turn + 1024) >> 11) - error, 4095) + 2) >> 2),
+        + ((turn * weight * limited(((s.mag_lag * turn + 1024) >> 11) - error, 8190) + 2) >> 2),
         1073741824,
     )
     s.mag_lag_den = clamp(s.mag_lag_den + ((turn * weight * turn + 2) >> 2), 0, 1073741824)

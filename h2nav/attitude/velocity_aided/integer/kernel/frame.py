@@ -57,7 +57,7 @@ from .theta import (
     use_level_gain,
     weigh_gain,
 )
-from .tilt import ask_force, find_rest_gain, judge_rest
+from .tilt import ask_force, choose_rest, find_rest_gain, judge_rest
 from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
 
 
@@ -95,6 +95,8 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
             choose_bounded(s, g)
         elif s.velocity_use == 2:
             choose_fix(s, g)
+        if rests(s, g) > 0:
+            choose_rest(s, g)
         if s.mag_learn_us > 0:
             learn_turns(s)
     return 0
@@ -152,7 +154,7 @@ def find_motion_gain(
     Source: docs/filter.md Eq. (18), (20).
     """
     if rests(s, g) > 0:
-        find_rest_gain(s, g)
+        find_rest_gain(s)
     elif s.velocity_use == 2:
         find_fix_gain(s, row, row_accel, innovation, s.accel_e if axis > 0 else s.accel_n, axis)
     elif s.velocity_use == 1:

@@ -116,6 +116,14 @@ def ratio(a: I32, b: I32) -> I32:
     return clamp((known(part, 0, 32767) * reciprocal(mantissa(b, bits))) >> 14, 0, 32767)
 
 
+def signed_ratio(a: I32, b: I32) -> I32:
+    """A / b, Q15, for b > 0; at most 32767 in size."""
+    share = ratio(abs(a), b)
+    if a < 0:
+        return -share
+    return share
+
+
 def logarithm(x: I32) -> I32:
     """Logarithm of x > 0 to base two, Q8, wrong by at most 0.017.
 

@@ -26,7 +26,17 @@ from ..memory import (
     State,
 )
 from .derived import follow_turns, learn_from_parts, learn_from_turn
-from .functions import HALF_TURN_Q28, length, limited, logarithm, polar, power2, product, ratio
+from .functions import (
+    HALF_TURN_Q28,
+    length,
+    limited,
+    logarithm,
+    polar,
+    power2,
+    product,
+    ratio,
+    signed_ratio,
+)
 from .theta import add_heading, forget_sensitivities
 
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
@@ -35,7 +45,6 @@ TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one f
 LONG_PARTS = 0b1100_0100_1111_1010
 RARE_PARTS = 4  # of a sample that comes at 20 Hz or less
 TURNED_MAX = 33500  # rate in n: the root of three times RATE_FREE
-MIN_FIELD_RATE = 40  # 0.15 of a field per second: less rotation does not show the latency
 MIN_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
@@ -90,7 +99,7 @@ def mean_field(s: State, r: list[I32]) -> None:
 
     Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
     """
-    share = ratio(1, clamp(s.mag_count, 1, FRAME))
+    share = ratio(1, s.mag_count)
     w = [0, 0, 0]
     for i in range(3):
         part = (product(s.mag_sum[i] << 4, share) + 32) >> 6
@@ -327,21 +336,13 @@ def weight_of(s: State) -> I32:
     return (s.mag_learn_us + 8192) >> 14
 
 
-def part_of_field(s: State, part: I32) -> I32:
-    """A horizontal part of the field over the size of both, Q15."""
-    share = ratio(abs(part), s.mag_horizontal + 1)
-    if part < 0:
-        return -share
-    return share
-
-
 def learn_latency(s: State) -> None:
     """Learns the latency from a field that was accepted in the frame before, by its parts.
 
     Source: docs/filter.md Eq. (21).
     """
-    cosine = part_of_field(s, s.mag_ned[0])
-    sine = part_of_field(s, s.mag_ned[1])
+    cosine = signed_ratio(s.mag_ned[0], s.mag_horizontal + 1)
+    sine = signed_ratio(s.mag_ned[1], s.mag_horizontal + 1)
     north_rate = s.mag_rate[0]
     east_rate = s.mag_rate[1]
     down_rate = limited(s.mag_rate[2], FIELD_PART_MAX)
@@ -351,8 +352,7 @@ def learn_latency(s: State) -> None:
     flat = s.mag_horizontal + ((s.mag_lag * flat_rate) >> 11) - (s.mag_ref_horizontal >> 12)
     down = limited(down, FIELD_PART_MAX)
     flat = limited(flat, FIELD_PART_MAX)
-    if abs(north_rate) + abs(east_rate) + abs(down_rate) >= MIN_FIELD_RATE:
-        learn_from_parts(s, weight_of(s), down, down_rate, flat, flat_rate)
+    learn_from_parts(s, weight_of(s), down, down_rate, flat, flat_rate)
     rate = (((cosine * east_rate) >> 1) - ((sine * north_rate) >> 1)) >> 14
     s.mag_turn_now = limited(rate, FIELD_PART_MAX)
 
@@ -405,10 +405,8 @@ def prepare_heading(s: State, g: Gains) -> None:
         return
     s.heading_innovation = error
     # a tilt about magnetic north turns the dipping field sideways; theta's part of it is known
-    slope = ratio(abs(s.mag_ref_down), (s.mag_ref_horizontal << 3) + 1)
+    slope = signed_ratio(s.mag_ref_down, (s.mag_ref_horizontal << 3) + 1)
     square = (slope * slope) >> 15
-    if s.mag_ref_down < 0:
-        slope = -slope
     north = (slope * s.declination_sine) >> 14
     east = -((slope * s.declination_cosine) >> 14)
     for i in range(4):

@@ -3,10 +3,10 @@
 Source: docs/filter.md Eq. (23) to (26).
 """
 
-from h2nav.maths.fixedpoint import I16, I32, clamp
+from h2nav.maths.fixedpoint import I16, clamp
 
 from ..memory import NORM_MAX, Gains, State
-from .functions import HALF_TURN_Q28, limited, polar, ratio
+from .functions import HALF_TURN_Q28, limited, polar, signed_ratio
 from .heading import turn_heading
 
 
@@ -30,8 +30,8 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     polar(level, down, whole)
     change = declination - s.declination
     s.declination = declination
-    s.declination_sine = part_of(east, level)
-    s.declination_cosine = part_of(north, level)
+    s.declination_sine = (signed_ratio(east, level | 1) + 1) >> 1
+    s.declination_cosine = (signed_ratio(north, level | 1) + 1) >> 1
     # Q14 to Q26
     s.mag_ref_horizontal = level << 12
     s.mag_ref_down = down * 4096
@@ -40,11 +40,3 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     s.mag_new_us = 0
     if s.age_us >= 0 and s.heading_reset == 0 and s.aided == 0:
         turn_heading(s, g, change)
-
-
-def part_of(x: I32, length: I32) -> I32:
-    """X over the length of the vector that it is a part of, Q14; zero for a vector of none."""
-    share = (ratio(abs(x), length | 1) + 1) >> 1
-    if x < 0:
-        return -share
-    return share

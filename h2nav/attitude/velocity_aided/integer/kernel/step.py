@@ -37,7 +37,7 @@ from .frame import second_stage
 from .functions import limited
 from .heading import take_field
 from .start import align, begin_anew
-from .tilt import MAX_CLIPPED, doubt_rate, watch_rest
+from .tilt import MAX_CLIPPED, doubt_gap, doubt_rate, watch_rest
 from .velocity import accelerate, change_aiding, correct_velocity
 
 STEP_MAX = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
@@ -62,6 +62,8 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
     s.age_us = clamp(s.age_us + dt_us, 0, AGE_MAX_US)
     s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MAX_US)
     s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MAX_US)
+    if sample.gap_us > 0:
+        doubt_gap(s, g, sample)
     if sample.clipped > 0:
         if sample.clipped < FORCE_LOST:
             doubt_rate(s, g, sample)
@@ -120,7 +122,8 @@ def rates(s: State, sample: Sample, w: list[I32]) -> None:
     # at most sixteen samples since the sums were zero
     s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
     if sample.is_held > 0:
-        s.parts_so_far = clamp(s.parts_so_far + 1, 1, MAX_PARTS)
+        if s.parts_so_far < MAX_PARTS:
+            s.parts_so_far += 1
         return
     s.parts = s.parts_so_far
     s.parts_so_far = 1

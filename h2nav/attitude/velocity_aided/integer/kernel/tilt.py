@@ -10,6 +10,8 @@ from h2nav.maths.fixedpoint import I32, clamp, known
 from ..memory import (
     AGE_MAX_US,
     FORCE_MAX,
+    LEVEL_MAX,
+    LOG_MAX,
     MAX_REJECTED,
     ON_GROUND,
     THETA_MAX,
@@ -22,7 +24,7 @@ from ..memory import (
     State,
 )
 from .aiding import find_spread
-from .functions import bits_of, limited, logarithm, power2, product
+from .functions import bits_of, limited, logarithm, power2, product, square_q28
 from .theta import forget_sensitivities, limit_heading, weigh_gain
 
 MAX_CLIPPED = 53687091  # 0.2 rad, Q28: start again after clipped samples that may have hidden more
@@ -37,6 +39,8 @@ REST_FLOOR = 3627000  # (0.1 deg/s)^2 in units of theta, Q28
 HIDDEN = 398950
 REST_SIGMAS_2 = 9  # a rate this far from the known bias is not a bias
 ONE_Q26 = 1 << 26
+# Q28 to Q36, us to s, a third, and the unit of jitter_share: 8 + log2(1e6 / 3 / 827.6)
+JITTER_OF_GAP = 4263
 
 
 def watch_rest(s: State, g: Gains, sample: Sample) -> None:
@@ -121,7 +125,7 @@ def moves(s: State, axis: I32, variance: I32) -> I32:
     return 0
 
 
-def find_rest_gain(s: State, g: Gains) -> None:
+def find_rest_gain(s: State) -> None:
     """Finds the gain for one axis of the low-passed rate taken as bias; the axes take turns.
 
     Source: docs/filter.md Eq. (20).
@@ -131,11 +135,20 @@ def find_rest_gain(s: State, g: Gains) -> None:
     for i in range(4):
         s.jacobian[i] = 0
     s.jacobian[axis] = 1 << 24
-    # two of three axes in a frame: each has the noise of one and a half
-    log_time = logarithm(s.frame_time * 3 + 1) - (18 << 8)
     nothing = [0, 0]
     explained = find_spread(s, s.jacobian, nothing)
-    weigh_gain(s, bias_error(s, axis) - explained, g.log_rest_noise - log_time)
+    weigh_gain(s, bias_error(s, axis) - explained, s.log_noise)
+
+
+def choose_rest(s: State, g: Gains) -> None:
+    """Sets the noise of the rate at rest, in place of that of a velocity.
+
+    Two of three axes are used in a frame: each has the noise of one and a half.
+
+    Source: docs/filter.md Eq. (20).
+    """
+    log_time = logarithm(s.frame_time * 3 + 1) - (18 << 8)
+    s.log_noise = limited(g.log_rest_noise - log_time, LOG_MAX)
 
 
 def restart_tilt(s: State, sample: Sample, r: list[I32]) -> None:
@@ -189,6 +202,40 @@ def raise_tilt_sigma(s: State, angle: I32) -> None:
     if angle > s.extra_tilt_sigma:
         s.extra_tilt_sigma = angle
     s.unused_variance = 0
+
+
+def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
+    """Doubts tilt and velocity after missing samples.
+
+    The rate has changed by what the samples at both ends show, and by as much as it varied before.
+
+    Source: docs/fixed-point.md Eq. (38); docs/filter.md Eq. (73).
+    """
+    time = sample.gap_us >> 5
+    varied = s.turning >> 1
+    changed = 0
+    for i in range(3):
+        mean = (s.gyro_lp[i] - (s.gyro_bias[i] >> 9)) >> 15
+        varied -= mean * mean
+        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) >> 8
+        change = (rate - s.gyro_last[i]) >> 3
+        changed += change * change
+        s.gyro_last[i] = rate
+        s.gyro_step[i] = 0
+    square = clamp(varied, 0, 1 << 29) + changed
+    # half the time times the rate: 1e6 2^-28 rad/s times microseconds is rad, Q28
+    lost = time * limited(power2(logarithm(square | 1) >> 1), 44000)
+    lost = limited(lost, TILT_SIGMA_MAX >> 4) << 4
+    lost_2 = square_q28(lost) + 1
+    square = square_q28(s.extra_tilt_sigma) + lost_2 + 1
+    raise_tilt_sigma(s, power2((logarithm(square | 1) >> 1) + (14 << 8)))
+    if sample.aided > 0:
+        # within the time of the levels the loop shall correct as much, and no more; nor is the
+        # force known: the next fix sets the velocity
+        log_level = logarithm(lost_2 | 1) - logarithm(g.level_time_us)
+        more = power2(log_level + logarithm(g.jitter_share | 1) + JITTER_OF_GAP)
+        s.gyro_jitter = limited(s.gyro_jitter + limited(more, LEVEL_MAX), LEVEL_MAX)
+        s.fixes_rejected = MAX_REJECTED
 
 
 def ask_force(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
