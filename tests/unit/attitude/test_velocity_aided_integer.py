@@ -274,12 +274,19 @@ def test_without_a_field_motion_teaches_no_vertical_bias() -> None:
 # --- what the samples of the rate do not resolve ------------------------------------------------
 
 
-@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 250.0])
+@pytest.mark.parametrize(
+    ("name", "rate_hz"),
+    [
+        *(("multirotor_50hz", 50.0), ("multirotor_100hz", 100.0), ("multirotor_100hz", 250.0)),
+        *(("multirotor_100hz", 50.0), ("multirotor_100hz", 40.0), ("multirotor_100hz", 20.0)),
+    ],
+)
 @pytest.mark.parametrize("sigma", [0.01, 0.1])
-def test_the_jitter_of_the_gyro_is_that_of_the_floats(rate_hz: float, sigma: float) -> None:
-    """Also where a sample is taken in two parts, over which the rate is held."""
+def test_the_jitter_of_the_gyro_is_that_of_the_floats(
+    name: str, rate_hz: float, sigma: float
+) -> None:
+    """Also where a sample is taken in parts, which hold the rate, with gains of any rate."""
     rng = random.Random(1)
-    name = "multirotor_50hz" if rate_hz < 80.0 else "multirotor_100hz"
     gains = velocity_aided_gains(gain_files.load(name), name)
     floats, integers = VelocityAidedFilter(gains), new_filter(gains=gains)
     for sample in fly(gentle, 6.0, 1, rate_hz=rate_hz).samples:
@@ -289,6 +296,41 @@ def test_the_jitter_of_the_gyro_is_that_of_the_floats(rate_hz: float, sigma: flo
     found = integers.kernel_state.gyro_jitter * 2.0**-36
     assert found == pytest.approx(floats.kernel_state.gyro_jitter, rel=0.06)
     assert found == pytest.approx(sigma**2 / rate_hz, rel=0.3)
+
+
+@pytest.mark.parametrize("rate_hz", [25.0, 100.0])
+@pytest.mark.parametrize("sigma", [0.5, 3.0])
+def test_the_jitter_of_the_force_is_that_of_the_floats(rate_hz: float, sigma: float) -> None:
+    rng = random.Random(2)
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter(gains=MULTIROTOR)
+    for sample in fly(gentle, 6.0, 1, rate_hz=rate_hz).samples:
+        x, y, z = (force + rng.gauss(0.0, sigma) for force in sample.f_b)
+        floats.update(sample._replace(f_b=(x, y, z)))
+        integers.update(sample._replace(f_b=(x, y, z)))
+    found = integers.kernel_state.force_jitter * 2.0**-36 * GRAVITY_M_S2**2
+    assert found == pytest.approx(floats.kernel_state.accel_jitter, rel=0.1)
+
+
+def test_after_missing_samples_tilt_and_velocity_are_doubted_as_by_the_floats() -> None:
+    """A fifth of a second is missing while the vehicle turns."""
+    samples = fly(brisk, 40.0, 1).samples
+    kept = [s for s in samples if not 35.0e6 < s.t_us < 35.2e6]
+    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter(gains=MULTIROTOR)
+    for number, sample in enumerate(s for s in kept if s.t_us <= 35.2e6):
+        if number % 20 == 3:
+            fix = VelocityFix(sample.t_us - 100_000, (0.0, 0.0, math.nan), 0.3, independent=True)
+            floats.use_velocity(fix)
+            integers.use_velocity(fix)
+        a, b = floats.update(sample), integers.update(sample)
+    one, other = floats.kernel_state, integers.kernel_state
+    assert a is not None
+    assert b is not None
+    assert one.extra_tilt_sigma > 0.02
+    # the low-pass has another time constant, and the level of rotation is a frame old
+    assert other.extra_tilt_sigma * 2.0**-28 == pytest.approx(one.extra_tilt_sigma, rel=0.3)
+    assert other.gyro_jitter * 2.0**-36 == pytest.approx(one.gyro_jitter, rel=0.6)
+    assert other.fixes_rejected == one.fixes_rejected == 5
+    assert b.sigma_tilt_rad == pytest.approx(a.sigma_tilt_rad, rel=0.3)
 
 
 # --- rest and bias ------------------------------------------------------------------------------

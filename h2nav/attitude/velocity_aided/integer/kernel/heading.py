@@ -43,7 +43,7 @@ LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
 # bits of the parts of a frame that leave no time for turning a field
 LONG_PARTS = 0b1100_0100_1111_1010
-RARE_PARTS = 4  # of a sample that comes at 20 Hz or less
+RARE_PARTS = 4  # of a sample that comes at 25 Hz or less
 TURNED_MAX = 33500  # rate in n: the root of three times RATE_FREE
 MIN_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 EASED = 256  # log2 of two: the start counts no more
