@@ -151,7 +151,7 @@ def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constan
     return samples
 
 
-def velocity_aided_samples(rows_wanted: int = 288, seed: int = 1) -> list[velocity_aided.Sample]:
+def velocity_aided_samples(rows_wanted: int = 232, seed: int = 1) -> list[velocity_aided.Sample]:
     """Motion with fields, then also with fixes, then random numbers; some samples are long.
 
     At most as many rows as fit into 32 kB, the largest table of an AVR, and with the filter into
@@ -171,7 +171,7 @@ def velocity_aided_samples(rows_wanted: int = 288, seed: int = 1) -> list[veloci
             sample.has_mag = number & 1
             sample.aided = int(number >= rows_wanted // 4)
             sample.has_fix = int(number >= rows_wanted // 4 and number % 20 == 0)
-        sample.dt_us = {37: 30000, 90: 100001, 270: 1500000}.get(number, 10000)
+        sample.dt_us = {37: 30000, 90: 100001, 130: 200000, 220: 1500000}.get(number, 10000)
         samples.append(sample)
     return samples
 
