@@ -271,7 +271,7 @@ class State(SharedFields):
         -MEAN_FIELD_PART_MAX,
         MEAN_FIELD_PART_MAX,
         "64 uT 1e6 2^-28 /s",
-        "mean turn of the field about the vertical, times its horizontal part",
+        "mean turn of the field about down, times its level part",
         q=22,
     )
     mag_turn_now: I32 = integer(
