@@ -4,7 +4,8 @@ The same sender feeds each candidate over UDP loopback, as in `bench_live`:
 
 * no live view;
 * a viewer's process: without clients; with a Foxglove client that subscribes to everything and the
-  page's stream; with both, never read; with ten readers; and
+  page's stream; with both, never read; with ten readers; with uploads of files that are no
+  recordings, one after the other, which are reviewed beside it; and
 * the same viewer as a thread of the daemon, which was the alternative.
 
 Clients run as processes of their own, on the same machine and niced. Candidates take turns in
@@ -12,19 +13,23 @@ every round, so that other load on the machine affects them alike.
 
 On a machine that others use, ``--nice -10`` (as root) keeps them out of the figures.
 
-Run: python tools/bench_live_view.py [--seconds S] [--rounds N] [--rates HZ ...] [--only WORD]
+Run: python tools/bench_live_view.py [--seconds S] [--rounds N] [--rates HZ ...] [--only WORD ...]
 """
 
 import argparse
 import asyncio
+import contextlib
 import json
 import multiprocessing
 import os
+import random
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+import urllib.error
+import urllib.request
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -41,6 +46,7 @@ autopilot: {{imu_rate_hz: {hz:.0f}, request_streams: false}}
 output: {{attitude_rate_hz: {hz:.0f}, attitude_quaternion_rate_hz: 0}}
 log: {{folder: {folder}}}
 live: {{address: "{address}", foxglove_port: {foxglove}}}
+flights: {{token_file: {folder}/token}}
 """
 # The viewer's end of the feed goes to a thread instead of to a process.
 IN_A_THREAD = """
@@ -72,6 +78,8 @@ PROCESS, THREAD, NOTHING = "process", "thread", "no live view"
 START_S = 2.0
 LONGEST_START_S = 30.0
 CLIENT_NICENESS = 10
+MCAP_START = b"\x89MCAP0\r\n"
+UPLOAD_BYTES = (100_000, 10_000_000)
 
 
 class Candidate(NamedTuple):
@@ -81,17 +89,20 @@ class Candidate(NamedTuple):
         viewer: PROCESS, THREAD or NOTHING.
         readers: who read, each a Foxglove client and a stream of the page.
         deaf: who never read.
+        uploads: somebody uploads without a pause.
     """
 
     viewer: str
     readers: int = 0
     deaf: int = 0
+    uploads: bool = False
 
     @property
     def name(self) -> str:
         """Such as ``process, 10 readers``."""
         who = f"{self.readers} reading" if self.readers else "nobody"
         who = f"{self.deaf} never reading" if self.deaf else who
+        who = "uploads" if self.uploads else who
         return self.viewer if self.viewer == NOTHING else f"{self.viewer}, {who}"
 
 
@@ -101,6 +112,7 @@ CANDIDATES = (
     Candidate(PROCESS, readers=1),
     Candidate(PROCESS, deaf=1),
     Candidate(PROCESS, readers=10),
+    Candidate(PROCESS, uploads=True),
     Candidate(THREAD),
     Candidate(THREAD, readers=1),
     Candidate(THREAD, readers=10),
@@ -162,6 +174,40 @@ def look_on(ports: Ports, count: int, reads: bool, ready: Any) -> None:
         await asyncio.gather(*(each() for each in (foxglove, page) for _ in range(count)))
 
     asyncio.run(all_of_them())
+
+
+def upload(port: int, token_file: Path, done: Any) -> None:
+    """Uploads what begins like an MCAP log, small and large in turn."""
+    os.nice(CLIENT_NICENESS)
+    dice, number = random.Random(1), 0
+    while True:
+        number += 1
+        body = MCAP_START + dice.randbytes(UPLOAD_BYTES[number % len(UPLOAD_BYTES)])
+        asked = urllib.request.Request(
+            f"http://127.0.0.1:{port}/flights/uploads?name={number}.mcap",
+            body,
+            {"Authorization": f"Bearer {token_file.read_text().strip()}"},
+        )
+        with contextlib.suppress(urllib.error.HTTPError):  # one at a time
+            urllib.request.urlopen(asked, timeout=30.0).close()
+            with done.get_lock():
+                done.value += 1
+
+
+@contextmanager
+def uploads(port: int, folder: Path) -> Iterator[None]:
+    """Somebody uploads while the block lasts."""
+    done = multiprocessing.Value("i", 0)
+    process = multiprocessing.Process(
+        target=upload, args=(port, folder / "token", done), daemon=True
+    )
+    process.start()
+    try:
+        yield
+    finally:
+        process.kill()
+        process.join()
+    print(f"{done.value} uploads", file=sys.stderr)
 
 
 @contextmanager
@@ -235,6 +281,8 @@ def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
         if address:
             wait_for(ports)
         stack.enter_context(lookers_on(ports, candidate))
+        if candidate.uploads:
+            stack.enter_context(uploads(ports.page, Path(folder)))
         sender = Sender(port, rate_hz)
         sender.fly(WARM_UP_S)
         sender.forget()
@@ -266,11 +314,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--rates", type=float, nargs="+", default=(100.0, 400.0), metavar="HZ")
-    parser.add_argument("--only", default="", help="candidates whose name has this in it")
+    parser.add_argument("--only", nargs="+", default=("",), help="a part of the candidates' names")
     parser.add_argument("--nice", type=int, default=0, help="priority of everything (root: -10)")
     args = parser.parse_args()
     os.nice(args.nice)
-    candidates = [candidate for candidate in CANDIDATES if args.only in candidate.name]
+    candidates = [each for each in CANDIDATES if any(word in each.name for word in args.only)]
     for hz in args.rates:
         found: dict[Candidate, list[Figures]] = defaultdict(list)
         for _ in range(args.rounds):

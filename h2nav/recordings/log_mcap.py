@@ -6,6 +6,7 @@ matter; within a piece the messages are in the order of their times.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,14 +29,16 @@ from h2nav.recordings.mcap_recording import McapRecording
 from h2nav.recordings.opening import PROBE_BYTES
 from h2nav.recordings.protobuf_rows import RowMessages, Rows
 from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.row_tables import Table
 from h2nav.recordings.ulog import start_unix_s as ulog_start
 from h2nav.recordings.ulog_rows import ULogRows
-from h2nav.recordings.ulog_tables import is_ulog, read_ulog
+from h2nav.recordings.ulog_tables import FILE_HEADER, is_ulog, ulog_of
 from h2nav.recordings.viewer_rows import SCHEMAS, viewer_messages
 from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.frame_scan import FoundFrames, FrameScan
 
 CHUNK_BYTES = 1 << 20
+PIECE_BYTES = 1 << 21  # of a ULog file
 # A damaged or hostile file may define any number of messages.
 MAX_CHANNELS = 2_000
 NS_PER_US = 1_000
@@ -192,7 +195,7 @@ def _pieces(path: Path, progress: Progress) -> Iterator[list[Part]]:
     if is_dataflash(start):
         return _of_dataflash(path, progress)
     if is_ulog(start):
-        return _of_ulog(path)
+        return _of_ulog(path, progress)
     recording = open_recording(path)
     if isinstance(recording, McapRecording):
         raise BadInput(f"{path}: is an MCAP file; h2nav log decode adds its messages as channels")
@@ -209,13 +212,27 @@ def _of_dataflash(path: Path, progress: Progress) -> Iterator[list[Part]]:
         yield list(_table_parts("dataflash", DataflashRows(piece.tables), offset_ns, units))
 
 
-def _of_ulog(path: Path) -> Iterator[list[Part]]:
-    log = ULogRows(read_ulog(path))
+def _of_ulog(path: Path, progress: Progress) -> Iterator[list[Part]]:
+    """The places of all messages are held, 8 bytes each; their rows are read piece by piece."""
+    with path.open("rb") as stream:
+        data = mmap(stream.fileno(), 0, access=ACCESS_READ)
+    if len(data) < FILE_HEADER.size:
+        raise BadInput(f"{path}: no message in it")
+    log = ULogRows(ulog_of(data))
     offset_ns = _unix_offset_ns([(log, ulog_start(log))])
-    yield [
-        *_table_parts("ulog", log, offset_ns, _Units()),
-        *_ulog_notes(log, offset_ns),
-    ]
+    yield list(_ulog_notes(log, offset_ns))
+    named = (log.tables.find(name) for name in sorted(log.tables.names))
+    tables = [table for table in named if table is not None]
+    for start in range(0, len(data), PIECE_BYTES):
+        end = min(start + PIECE_BYTES, len(data))
+        within = [table.places.searchsorted((start, end)).tolist() for table in tables]
+        parts = (
+            table.part(slice(*rows))
+            for table, rows in zip(tables, within, strict=True)
+            if rows[0] < rows[1]
+        )
+        yield [_table_part("ulog", log, one, offset_ns, _Units()) for one in parts]
+        progress(end, len(data))
 
 
 def _unix_offset_ns(dated: Iterable[tuple[Log, float | None]]) -> int:
@@ -261,21 +278,25 @@ def _with_texts(named: tuple[str, list[str]], columns: dict[str, NDArray[Any]]) 
 def _table_parts(kind: str, log: Log, offset_ns: int, units: "_Units") -> Iterator[Part]:
     for name in sorted(log.tables.names):
         table = log.tables.find(name)
-        if table is None:
-            continue
-        t_us = log.clock.at(table.places)
-        times = log.times_of(table)
-        if times is not None:
-            t_us = np.where(log.clock.believes(table.places, times), times, t_us)
-        yield Part(
-            f"/{name}",
-            f"{kind}.{name.partition('/')[0]}",
-            t_us * NS_PER_US + offset_ns,
-            table.places,
-            table.stored_rows(),
-            table.divisors,
-            units.of(name),
-        )
+        if table is not None:
+            yield _table_part(kind, log, table, offset_ns, units)
+
+
+def _table_part(kind: str, log: Log, table: Table, offset_ns: int, units: "_Units") -> Part:
+    name = table.name
+    t_us = log.clock.at(table.places)
+    times = log.times_of(table)
+    if times is not None:
+        t_us = np.where(log.clock.believes(table.places, times), times, t_us)
+    return Part(
+        f"/{name}",
+        f"{kind}.{name.partition('/')[0]}",
+        t_us * NS_PER_US + offset_ns,
+        table.places,
+        table.stored_rows(),
+        table.divisors,
+        units.of(name),
+    )
 
 
 class _Units:

@@ -145,6 +145,11 @@ def read_ulog(path: Path) -> ULogFile:
     return _Chain(data).follow()
 
 
+def ulog_of(data: bytes | mmap) -> ULogFile:
+    """The contents of a ULog; of a mapped file the rows stay on the disk until they are read."""
+    return _Chain(data).follow()
+
+
 def ulog_layout(data: bytes | mmap) -> ULogLayout:
     """Where the messages of a file are, as far as they can be read."""
     chain = _Chain(data)

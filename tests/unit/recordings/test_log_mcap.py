@@ -239,3 +239,24 @@ def test_an_mcap_is_refused_with_the_way_to_go(tmp_path: Path) -> None:
     export_mcap(FLIGHT, first)
     with pytest.raises(BadInput, match="h2nav log decode"):
         export_mcap(first, second)
+
+
+def test_a_ulog_in_small_pieces_has_the_same_messages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = ulog(made_flight())
+    _, whole = exported(tmp_path, "whole.ulg", data)
+    monkeypatch.setattr(log_mcap, "PIECE_BYTES", 5_000)
+    assert len(data) > 20 * log_mcap.PIECE_BYTES
+    _, pieces = exported(tmp_path, "pieces.ulg", data)
+    in_whole, in_pieces = decoded(whole), decoded(pieces)
+    assert in_whole.keys() == in_pieces.keys()
+    for topic, messages in in_whole.items():
+        expected = [(t_ns, body.SerializeToString()) for t_ns, body in messages]
+        found = [(t_ns, body.SerializeToString()) for t_ns, body in in_pieces[topic]]
+        assert found == expected
+
+
+def test_a_ulog_that_ends_in_its_header_has_no_message(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="no message"):
+        exported(tmp_path, "cut.ulg", b"ULog\x01\x12\x35\x01")
