@@ -39,6 +39,10 @@ FIX_DELAY_US = 50_000
 # Errors shared by the runs do not average out: 1 mg of accelerometer bias, 0.06 deg of the
 # vertical. Nothing is known better than the vertical to which it refers.
 MIN_SIGMA_RAD = 1e-3
+# Between runs whose verticals are further apart than so many deviations of both, and than this, the
+# motion has a break: a knock, a tumble beyond the gyro's range or a cut.
+BREAK_SIGMAS = 5.0
+MIN_BREAK_RAD = math.radians(5.0)
 # A heading is tied to north for this long after the run said so; some say so only with a field.
 REFERENCED_US = 1_000_000
 
@@ -571,16 +575,17 @@ def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
     """
     f, b = ahead.estimate, back.estimate
     heading, north, east = _apart(f.q_nb, b.q_nb)
-    tilt_share, tilt_sigma = _share(
-        (f.sigma_tilt_rad, _knows_tilt(f)),
-        (b.sigma_tilt_rad, _knows_tilt(b)),
-        math.hypot(north, east),
-    )
+    ahead_tilt = (f.sigma_tilt_rad, _knows_tilt(f))
+    back_tilt = (b.sigma_tilt_rad, _knows_tilt(b))
+    tilt_share, tilt_sigma = _share(ahead_tilt, back_tilt, math.hypot(north, east))
     heading_share, heading_sigma = _share(
         (f.sigma_heading_rad, ahead.is_referenced),
         (b.sigma_heading_rad, back.is_referenced),
         heading,
     )
+    if _is_broken(ahead_tilt, back_tilt, math.hypot(north, east)):
+        # What comes later is not carried across a break; the deviations keep both.
+        tilt_share = heading_share = 0.0
     tilted = multiply(exp((tilt_share * north, tilt_share * east, 0.0)), f.q_nb)
     q_nb = normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted))
     trust = TRUST_OF[int(f.trust) | (int(b.trust) & _KNOWN_BY_EITHER)]
@@ -588,6 +593,23 @@ def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
         AttitudeEstimate,
         (f.t_us, q_nb, f.w_b, f.bias_b, f.innovation_n, tilt_sigma, trust, heading_sigma),
     )
+
+
+def _is_broken(forward: tuple[float, bool], backward: tuple[float, bool], apart_rad: float) -> bool:
+    """Whether a break of the motion lies between two runs, by their verticals.
+
+    Args:
+        forward: predicted deviation of the tilt, rad, and whether it is known.
+        backward: the same.
+        apart_rad: angle between them.
+
+    Source: docs/filter.md, section 12.
+    """
+    (sigma_f, knows_f), (sigma_b, knows_b) = forward, backward
+    if not (knows_f and knows_b):
+        return False
+    # False for deviations that are not predicted.
+    return apart_rad > max(BREAK_SIGMAS * math.hypot(sigma_f, sigma_b), MIN_BREAK_RAD)
 
 
 def _knows_tilt(estimate: AttitudeEstimate) -> bool:

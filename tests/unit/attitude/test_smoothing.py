@@ -1,6 +1,7 @@
 """The smoother: what is mirrored in time, how directions are weighed, what never happens."""
 
 import math
+import random
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 
@@ -365,6 +366,79 @@ def test_bad_samples_never_make_a_nan() -> None:
         assert all(math.isfinite(number) for row in numbers for number in row)
         assert all(abs(math.hypot(*row[:4]) - 1.0) < 1e-6 for row in numbers)
         assert worst(tilt_deg, found, flight.q_nb) < 3.0
+
+
+def turned(samples: Sequence[ImuSample], turn: Quat) -> list[ImuSample]:
+    """The same motion of a vehicle whose sensors sit turned in it."""
+    back = quaternion.conjugate(turn)
+    return [
+        each._replace(
+            w_b=quaternion.rotate(back, each.w_b),
+            f_b=quaternion.rotate(back, each.f_b),
+            m_b_ut=None if each.m_b_ut is None else quaternion.rotate(back, each.m_b_ut),
+        )
+        for each in samples
+    ]
+
+
+def test_what_comes_after_a_break_is_not_carried_before_it() -> None:
+    # A knock that no gyro has seen turns the vehicle by 100 deg.
+    flight, knock = fly(slow, 40.0, 12), 2000
+    turn = quaternion.from_euler(100.0 * DEG, 0.0, 0.0)
+    samples = flight.samples[:knock] + turned(flight.samples[knock:], turn)
+    alone = causal(samples)
+    found = smooth([Given(samples, TOLD)], make)[0]
+    before = slice(knock - 400, knock)
+    assert worst(tilt_deg, found[before], flight.q_nb[before]) < 2.0
+    assert worst(tilt_deg, alone[before], flight.q_nb[before]) < 2.0
+    after = [quaternion.multiply(q, turn) for q in flight.q_nb[-500:]]
+    assert worst(tilt_deg, found[-500:], after) < worst(tilt_deg, alone[-500:], after) + 0.5
+
+
+def spoilt(flight: Flight, rng: random.Random) -> Given:
+    """Steps of 10 deg, cuts, stretches of 1 Hz, clipped samples, velocities with jumps."""
+    samples = list(flight.samples)
+    for _ in range(rng.randrange(4)):
+        row = rng.randrange(len(samples))
+        axis = [rng.gauss(0.0, 1.0) for _ in range(3)]
+        size = 10.0 * DEG / math.hypot(*axis)
+        x, y, z = (size * part for part in axis)
+        samples[row:] = turned(samples[row:], quaternion.exp((x, y, z)))
+    for _ in range(rng.randrange(3)):
+        row = rng.randrange(len(samples))
+        del samples[row : row + rng.randrange(400)]
+    if rng.random() < 0.7:
+        row = rng.randrange(len(samples))
+        end = row + rng.randrange(1000)
+        samples[row:end] = samples[row:end:100]
+    for _ in range(rng.randrange(3)):
+        row = rng.randrange(len(samples))
+        end = row + rng.randrange(300)
+        samples[row:end] = [each._replace(clipped=True) for each in samples[row:end]]
+    told: list = list(TOLD)
+    if rng.random() < 0.7:
+        jump = rng.uniform(0.0, 20.0)
+        for row in range(100, len(samples), 20):
+            north = jump if rng.random() < 0.05 else rng.gauss(0.0, 0.1)
+            fix = VelocityFix(samples[row].t_us, (north, rng.gauss(0.0, 0.1), math.nan), 0.1)
+            told.append((row, fix))
+    return Given(samples, tuple(told))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_piece_of_a_spoilt_recording_ends_in_an_error_out_of_arithmetic(seed: int) -> None:
+    rng = random.Random(seed)
+    flight = fly(rng.choice([slow, brisk]), 25.0, seed)
+    for _ in range(4):
+        given, left_out = spoilt(flight, rng), []
+        for maker in (make, fixed_wing):
+            found = list(smoothing.smoothed([given], maker, left_out.append))
+            assert not left_out
+            assert len(found) == len(given.samples)
+            for each in found:
+                if each is not None:
+                    assert abs(math.hypot(*each.q_nb) - 1.0) < 1e-6
+                    assert each.sigma_tilt_rad >= 0.0
 
 
 def test_what_velocities_have_taught_may_have_walked() -> None:
