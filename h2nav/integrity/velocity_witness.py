@@ -6,6 +6,9 @@ is 0 if ours is right and 1 if the other is: it is fitted, for heading and tilt 
 windows of the last half minute. The latency of the receiver is fitted along, because in a turn it
 resembles a heading error, and so is the bias of our accelerometer, which resembles a tilt until the
 vehicle turns: at rest and in a straight flight no velocity shows which of two tilts is right.
+
+A receiver that is excluded may speak for the other attitude, so that an exclusion cannot hide our
+own error, but never for ours, which its false velocity may have bent before it was excluded.
 """
 
 import math
@@ -125,7 +128,13 @@ class VelocityWitness:
         self._pushed = [0.0] * 4  # by a bias along x, north and east, and along y
         self._settled_us: int | None = None
         self._windows: deque[_Window] = deque(maxlen=WINDOWS)
-        self.verdicts = Verdicts()  # by the windows of the last `EVIDENCE_US`
+        self._found = Verdicts()  # by the windows of the last `EVIDENCE_US`
+        self._is_excluded = False
+
+    @property
+    def verdicts(self) -> Verdicts:
+        """By the velocities of the last `EVIDENCE_US`."""
+        return Verdicts(*map(_not_for_us, self._found)) if self._is_excluded else self._found
 
     def differs(self, t_us: int, q_nb: Quat, turn_n: Quat, heading_rad: float) -> None:
         """Takes our attitude, the turn (NED) from it to the other one, and the turn's heading."""
@@ -140,10 +149,20 @@ class VelocityWitness:
         while self._windows and not 0 <= t_us - self._windows[0].t_us <= EVIDENCE_US:
             self._windows.popleft()
         if len(self._windows) < before:
-            self.verdicts = _verdicts(self._windows)
+            self._found = _verdicts(self._windows)
 
-    def fix(self, fix: VelocityFix) -> None:
-        """Takes a velocity; closes a window that has become long enough."""
+    def fix(self, fix: VelocityFix, *, is_excluded: bool = False) -> None:
+        """Takes a velocity; closes a window that has become long enough.
+
+        Args:
+            fix: of the receiver.
+            is_excluded: whether its velocity is held to be false.
+        """
+        if self._is_excluded and not is_excluded:
+            # Nothing from the time of the exclusion speaks for anybody after it.
+            self._windows.clear()
+            self._start, self._found = None, Verdicts()
+        self._is_excluded = is_excluded
         now = self._integrated
         if now.t_us is None:
             return
@@ -209,7 +228,7 @@ class VelocityWitness:
                 ((self._pushed[0], self._pushed[1]), (self._pushed[2], self._pushed[3])),
             )
         )
-        self.verdicts = _verdicts(self._windows)
+        self._found = _verdicts(self._windows)
 
 
 def _verdicts(windows: deque[_Window]) -> Verdicts:
@@ -238,6 +257,10 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
         _verdict(found[TILT] + EXPECTED[TILT], noise * math.sqrt(tilt)),
         _verdict(found[HEADING] + EXPECTED[HEADING], noise * math.sqrt(heading)),
     )
+
+
+def _not_for_us(verdict: VelocityVerdict) -> VelocityVerdict:
+    return VelocityVerdict.UNDECIDED if verdict is VelocityVerdict.H2NAV else verdict
 
 
 def _verdict(share: float, sigma: float) -> VelocityVerdict:

@@ -180,6 +180,7 @@ class Flight:
         length_s: of the flight.
         turns_deg_s: about the vertical.
         accelerometer_is_off: by as much as would tilt our attitude by its error.
+        excluded_s: from when until when the receiver is held to be false.
     """
 
     def __init__(
@@ -195,6 +196,7 @@ class Flight:
         *,
         turns_deg_s=0.0,
         accelerometer_is_off=False,
+        excluded_s=(math.inf, math.inf),
     ):
         self.witness = Witness()
         random_numbers = random.Random(1)
@@ -213,7 +215,9 @@ class Flight:
                 north, east = (
                     v + random_numbers.gauss(0, noise_m_s) for v in velocity(t_s - late_s)
                 )
-                self.witness.fix(VelocityFix(t_us, (north, east, 0.0), 0.3))
+                fix = VelocityFix(t_us, (north, east, 0.0), 0.3)
+                since_s, until_s = excluded_s
+                self.witness.fix(fix, is_excluded=since_s <= t_s < until_s)
 
     @property
     def text(self):
@@ -311,6 +315,23 @@ def test_a_verdict_lasts_no_longer_than_its_evidence(length_s, is_known):
     flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging, fixes_until_s=30, length_s=length_s)
     assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_known
     assert ("GPS backs us" in flight.text) == is_known
+
+
+def test_an_excluded_receiver_speaks_against_us_but_never_for_us():
+    """So that no exclusion hides our own error, and no false velocity that bent us defends us."""
+    flights = {
+        ours: Flight(
+            yaw(ours), yaw(ours + 12.0), to_and_fro, swinging, excluded_s=(15.0, math.inf)
+        ).verdicts.heading
+        for ours in (0.0, -12.0)
+    }
+    assert flights == {0.0: VelocityVerdict.UNDECIDED, -12.0: VelocityVerdict.AUTOPILOT}
+
+
+@pytest.mark.parametrize(("back_s", "is_known"), [(29.0, False), (20.0, True)])
+def test_after_an_exclusion_only_what_is_new_is_evidence(back_s, is_known):
+    flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging, excluded_s=(10.0, back_s))
+    assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_known
 
 
 def test_a_velocity_of_the_autopilots_own_estimator_is_no_witness():
