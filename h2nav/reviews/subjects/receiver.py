@@ -4,6 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.cause_alarms import clears_velocity
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
+from h2nav.integrity.velocity_rows import LENGTH_S
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.force_steps import REACH_S
@@ -11,7 +12,7 @@ from h2nav.reviews.receiver import detect_receiver
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import Receiver
 
-# The comparison of all causes in flight decides, if it lasted for this much of a finding.
+# The comparison of all causes in flight decides, if it saw this much of a finding.
 COMPARED_SHARE = 0.5
 
 KINDS = (
@@ -108,14 +109,14 @@ def receivers(evidence: FlightEvidence) -> tuple[tuple[Receiver, list[Finding]],
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `receiver` and `force_steps`."""
     compared = [one for one in evidence.flight.findings if clears_velocity(one)]
-    found = [[_weighed(one, compared) for one in own] for _, own in evidence.of(receivers)]
+    found = [[weighed(one, compared) for one in own] for _, own in evidence.of(receivers)]
     steps = evidence.of(parts.force_steps)
     if len(evidence.of(parts.alive)) == 1:
         found[:1], steps = [_undecided(own, steps) for own in found[:1]], []
     return [*(one for own in found for one in own), *steps]
 
 
-def _weighed(one: Finding, compared: list[Finding]) -> Finding:
+def weighed(one: Finding, compared: list[Finding]) -> Finding:
     """A false velocity, only to be noted where the comparison of all causes did not find it so."""
     if one.kind is not Kind.GPS_VELOCITY:
         return one
@@ -128,8 +129,9 @@ def _weighed(one: Finding, compared: list[Finding]) -> Finding:
     )
 
 
-def _overlap_s(one: Finding, other: Finding) -> float:
-    return min(one.to_s, other.to_s) - max(one.from_s, other.from_s)
+def _overlap_s(one: Finding, compared: Finding) -> float:
+    """How much of a finding the comparison saw, which looks back over its window."""
+    return min(one.to_s, compared.to_s) - max(one.from_s, compared.from_s - LENGTH_S)
 
 
 def _undecided(found: list[Finding], steps: list[Finding]) -> list[Finding]:

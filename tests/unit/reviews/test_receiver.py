@@ -12,6 +12,7 @@ from h2nav.recordings.context import Context, GpsTrack, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.receiver import _by_course, detect_receiver, moves_of
+from h2nav.reviews.subjects.receiver import weighed
 
 
 def found(flown: Flight) -> list[Finding]:
@@ -240,3 +241,32 @@ def test_the_comparison_of_all_causes_in_flight_decides(size_deg, to_s, severity
     flown = with_gps(flown, v_n=v_n, **moved(flown, v_n))._replace(findings=(compared,))
     (finding,) = [one for one in found(flown) if one.kind is Kind.GPS_VELOCITY]
     assert finding.severity is severity
+
+
+@pytest.mark.parametrize(
+    ("compared_s", "severity"),
+    [
+        ((99.0, 104.0), Severity.NOTICE),  # it lasted as long
+        ((103.0, 109.0), Severity.NOTICE),  # it began at the end, and looked back
+        ((112.5, 119.0), Severity.WARNING),  # of these velocities it saw the last ones
+        ((60.0, 90.0), Severity.WARNING),
+    ],
+)
+def test_a_comparison_that_saw_the_velocities_and_blames_others_makes_it_a_note(
+    compared_s, severity
+):
+    gps = Sensor(SensorKind.GPS)
+    false = Finding(Kind.GPS_VELOCITY, gps, Severity.WARNING, 100.0, 103.2, 6.0, "m/s", "", "jump")
+    cause = Finding(
+        Kind.ATTITUDE_VELOCITY,
+        gps,
+        Severity.WARNING,
+        *compared_s,
+        0.0,
+        "deg",
+        "undecided",
+        "shares",
+    )
+    found = weighed(false, [cause])
+    assert found.severity is severity
+    assert ("of all causes: undecided, shares" in found.evidence) == (severity is Severity.NOTICE)
