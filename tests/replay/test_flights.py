@@ -96,7 +96,9 @@ def test_an_imu_that_vibrates_is_left_for_a_calm_one():
     found = {
         f.kind: f for f in replayed.pipeline.service.findings if f.severity <= Severity.WARNING
     }
-    assert found.keys() == {Kind.VIBRATION, Kind.CLIPPED_SAMPLES}
+    # By the truth the heading of its EKF is off by up to 5.5 deg meanwhile, ours by 1.2.
+    assert found.keys() == {Kind.VIBRATION, Kind.CLIPPED_SAMPLES, Kind.AUTOPILOT_HEADING}
+    assert found[Kind.AUTOPILOT_HEADING].backs_us
     assert 95.0 < found[Kind.VIBRATION].from_s < 100.0
     assert found[Kind.CLIPPED_SAMPLES].sensor.number == 1
     assert replayed.errors(skip_s=60.0).tilt <= 0.51

@@ -395,7 +395,7 @@ def test_what_comes_after_a_break_is_not_carried_before_it() -> None:
     assert worst(tilt_deg, found[-500:], after) < worst(tilt_deg, alone[-500:], after) + 0.5
 
 
-def spoilt(flight: Flight, rng: random.Random) -> Given:
+def damaged(flight: Flight, rng: random.Random) -> Given:
     """Steps of 10 deg, cuts, stretches of 1 Hz, clipped samples, velocities with jumps."""
     samples = list(flight.samples)
     for _ in range(rng.randrange(4)):
@@ -426,11 +426,11 @@ def spoilt(flight: Flight, rng: random.Random) -> Given:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_no_piece_of_a_spoilt_recording_ends_in_an_error_out_of_arithmetic(seed: int) -> None:
+def test_no_piece_of_a_damaged_recording_ends_in_an_error_out_of_arithmetic(seed: int) -> None:
     rng = random.Random(seed)
     flight = fly(rng.choice([slow, brisk]), 25.0, seed)
     for _ in range(4):
-        given, left_out = spoilt(flight, rng), []
+        given, left_out = damaged(flight, rng), []
         for maker in (make, fixed_wing):
             found = list(smoothing.smoothed([given], maker, left_out.append))
             assert not left_out

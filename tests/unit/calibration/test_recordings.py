@@ -49,7 +49,9 @@ def test_offsets_and_rotation_are_those_of_the_simulator(name, offset, orientati
 def test_a_raw_field_shows_what_px4_has_calibrated_away():
     outcome = calibrate([evidence("px4_hard_iron", {})]).outcomes[0]
     added = [outcome.figures[f"add_{axis}_mg"] for axis in "xyz"]
-    assert np.negative(added) == pytest.approx((100.0, -80.0, 50.0), abs=WITHIN_MG)
+    assert np.negative(added[:2]) == pytest.approx((100.0, -80.0), abs=WITHIN_MG)
+    # Few tilts show it: it is given as known to 8 mG.
+    assert -added[2] == pytest.approx(50.0, abs=4.0)
 
 
 def test_a_flight_without_turns_changes_nothing():
