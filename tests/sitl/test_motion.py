@@ -82,7 +82,7 @@ def test_a_camera_gives_twist_and_bias(tmp_path):
     log = flown(
         tmp_path,
         "motion: {estimator: twist}\n",
-        720,
+        960,
         *("--scenario", "hover", "--gyro-bias-deg-s", *map(str, BIAS_DEG_S)),
         *("--vision", "odometry", "--vision-delay-ms", "50", "--vision-drop-out", "0.1"),
     )
