@@ -96,10 +96,16 @@ class Bench:
         flight.beside += [self.keeper.tend, self._keep_pace]
 
     def _keep_pace(self, *_):
-        """The manual clock runs faster than any disk."""
-        while len(self.recorder._queue) > 4000:
+        """The manual clock runs faster than any disk: it waits for both writers."""
+        while len(self.recorder._queue) > 4000 or self._awaits_fetched_file():
             time.sleep(0.002)
         return []
+
+    def _awaits_fetched_file(self):
+        file = self.fetcher._file
+        if file is None or not file._thread.is_alive():
+            return False
+        return file._is_complete or len(file._waiting) > 500
 
     def frame(self, t_ns, frame):
         t_s = (t_ns - START_NS) * 1e-9
@@ -111,7 +117,10 @@ class Bench:
             self.watch(t_ns, frame)
 
     def close(self):
+        file = self.fetcher._file
         self.keeper.close()
+        if file is not None:
+            file.wait(60.0)
         self.recorder.close(10.0)
 
     def fetched(self):
