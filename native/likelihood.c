@@ -49,6 +49,16 @@ static void next_row(const double *products, const double *sigmas, double scale,
     }
 }
 
+/* Closes a row by its diagonal and its forward solution; what it adds to the likelihood. */
+static double append_row(double *row, double *forward, size_t count, double size, double right)
+{
+    const double pivot = sqrt(1.0 + size - dot(row, row, count));
+    const double solved = (right - dot(row, forward, count)) / pivot;
+    row[count] = pivot;
+    forward[count] = solved;
+    return 0.5 * solved * solved - log(pivot);
+}
+
 PyObject *likelihood_whiten(PyObject *self, PyObject *arguments)
 {
     Py_buffer b[MAX_BUFFERS];
@@ -118,11 +128,7 @@ PyObject *likelihood_fit(PyObject *self, PyObject *arguments)
             const double *line = products + i * count, scale = sigmas[i];
             double *row = root + i * (i + 1) / 2;
             next_row(line, sigmas, scale, root, i, row);
-            const double pivot = sqrt(1.0 + scale * scale * line[i] - dot(row, row, i));
-            const double solved = (scale * right[i] - dot(row, forward, i)) / pivot;
-            row[i] = pivot;
-            forward[i] = solved;
-            likelihood += 0.5 * solved * solved - log(pivot);
+            likelihood += append_row(row, forward, i, scale * scale * line[i], scale * right[i]);
         }
     }
     return released(b, 5, fits, likelihood);
@@ -160,12 +166,8 @@ PyObject *likelihood_extend(PyObject *self, PyObject *arguments)
                 const double product = sigma * sigma * own[place * shapes + places[i - known]];
                 row[i] = (product - dot(row, line, i)) / line[i];
             }
-            const double size = own[place * shapes + place];
-            const double pivot = sqrt(1.0 + sigma * sigma * size - dot(row, row, end));
-            const double solved = (sigma * right[place] - dot(row, forward, end)) / pivot;
-            row[end] = pivot;
-            forward[end] = solved;
-            likelihood += 0.5 * solved * solved - log(pivot);
+            const double size = sigma * sigma * own[place * shapes + place];
+            likelihood += append_row(row, forward, end, size, sigma * right[place]);
         }
     }
     return released(b, 7, fits, likelihood);

@@ -75,11 +75,7 @@ def fit(
     for i, scale in enumerate(sigmas):
         line = crossed[i * count : i * count + i + 1]
         row = _row(line[:i], sigmas, scale, root)
-        pivot = math.sqrt(1.0 + scale * scale * line[i] - _dot(row, row))
-        solved = (scale * right[i] - _dot(row, forward[:i])) / pivot
-        root[_begin(i) : _begin(i + 1)] = array("d", (*row, pivot))
-        forward[i] = solved
-        likelihood += 0.5 * solved * solved - math.log(pivot)
+        likelihood += _append_row(row, scale * scale * line[i], scale * right[i], root, forward)
     return likelihood
 
 
@@ -103,19 +99,14 @@ def extend(
     (sigmas, likelihood), (crossed, own, right), (root, forward) = base, further, grown
     known, shapes = len(sigmas), len(right)
     for n, place in enumerate(places):
-        end = known + n
         of_known = crossed[place * known : (place + 1) * known]
         row = [sigma * part for part in _row(of_known, sigmas, 1.0, root)]
         for i, other in enumerate(places[:n], known):
             line = root[_begin(i) : _begin(i + 1)]
             product = sigma * sigma * own[place * shapes + other]
             row.append((product - _dot(row, line)) / line[-1])
-        size = own[place * shapes + place]
-        pivot = math.sqrt(1.0 + sigma * sigma * size - _dot(row, row))
-        solved = (sigma * right[place] - _dot(row, forward[:end])) / pivot
-        root[_begin(end) : _begin(end + 1)] = array("d", (*row, pivot))
-        forward[end] = solved
-        likelihood += 0.5 * solved * solved - math.log(pivot)
+        size = sigma * sigma * own[place * shapes + place]
+        likelihood += _append_row(row, size, sigma * right[place], root, forward)
     return likelihood
 
 
@@ -153,6 +144,18 @@ def _row(
         line = root[_begin(i) : _begin(i + 1)]
         row.append((scale * product * sigma - _dot(row, line)) / line[-1])
     return row
+
+
+def _append_row(
+    row: list[float], size: float, right: float, root: "array[float]", forward: "array[float]"
+) -> float:
+    """Closes a row by its diagonal and its forward solution; what it adds to the likelihood."""
+    end = len(row)
+    pivot = math.sqrt(1.0 + size - _dot(row, row))
+    solved = (right - _dot(row, forward[:end])) / pivot
+    root[_begin(end) : _begin(end + 1)] = array("d", (*row, pivot))
+    forward[end] = solved
+    return 0.5 * solved * solved - math.log(pivot)
 
 
 def _begin(row: int) -> int:
