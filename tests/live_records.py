@@ -11,7 +11,7 @@ from h2nav.integrity.findings import Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.links.link_statistics import LinkStatistics
 from h2nav.links.live_feed import FeedRecord
-from h2nav.live.flights import READ_ONLY, FlightsSite, SiteRights
+from h2nav.live.flights_site import READ_ONLY, FlightsSite, SiteRights
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState
 from h2nav.log.recorder import RecorderRecord

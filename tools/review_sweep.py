@@ -31,8 +31,8 @@ from h2nav.integrity.findings import Finding, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.autopilot_log import AutopilotLog
 from h2nav.recordings.context import Context, Span
+from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.opening import Source, open_flight
-from h2nav.recordings.recording import Recording
 from h2nav.recordings.telemetry import read_context
 
 EARLY_S = 15.0

@@ -19,7 +19,7 @@ from h2nav.validation import shown
 
 if TYPE_CHECKING:  # the daemon imports this module, and needs no numpy; a replay may write no log
     from h2nav.log.recorder import Recorder
-    from h2nav.recordings.recording import Recording
+    from h2nav.recordings.link_recording import Recording
 
 
 CONFIGURATION_NAME = "configuration.yaml"

@@ -22,7 +22,7 @@ from h2nav.files.earth_field import earth_field_at
 from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.imported import ImportedLog
 from h2nav.recordings.imu_frames import ImuFrames
-from h2nav.recordings.recording import Recording
+from h2nav.recordings.link_recording import Recording
 from h2nav.service.lane import FilterFor
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.arrivals import Arrivals

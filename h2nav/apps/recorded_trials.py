@@ -11,8 +11,9 @@ from h2nav.apps.playback import date_of
 from h2nav.errors import BadInput
 from h2nav.evaluation.dataset.recorded import trial_of
 from h2nav.files.earth_field import earth_field_at
+from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.listener import Listener
-from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.recording import open_recording
 from h2nav.recordings.reference import Reference
 from h2nav.recordings.trials import RECORDING_SUFFIXES, SUFFIX, Trial, read_trial
 from h2nav.service.service import Service, Surroundings

@@ -21,9 +21,9 @@ from h2nav.integrity.findings import Severity, as_mapping
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.recordings.frame_tables import TableMaker
+from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.listener import Listener
 from h2nav.recordings.opening import open_flight
-from h2nav.recordings.recording import Recording
 from h2nav.recordings.reference import Reference, TimedEstimates
 from h2nav.recordings.smoothed import smoothed, smoothed_record
 from h2nav.service.records import EstimateRecord, estimate_record

@@ -19,7 +19,7 @@ from h2nav.links.listen_address import ListenAddress, parse_listen_address
 from h2nav.log.folder import MIB
 
 if TYPE_CHECKING:  # needs the extra
-    from h2nav.live.flights import FlightsSite
+    from h2nav.live.flights_site import FlightsSite
 
 USUAL_ADDRESS = "127.0.0.1:8080"
 LOOK_S = 0.2
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def _serve(args: argparse.Namespace, address: ListenAddress) -> None:
-    from h2nav.live.flights import FlightsSite, SiteRights
+    from h2nav.live.flights_site import FlightsSite, SiteRights
     from h2nav.live.server import PageServer
 
     folder = FlightFolder(args.folder, args.reviews)

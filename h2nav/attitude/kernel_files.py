@@ -25,7 +25,7 @@ class KernelFiles(NamedTuple):
 
 
 _PARAMETERS = ("velocity_aided/parameters.py",)
-_UNITS = "velocity_aided/integer/units.py"
+_UNITS = "velocity_aided/units.py"
 _SHARED = ("integer/triad.py", "integer/motion.py")
 
 

@@ -3,7 +3,7 @@
 import asyncio
 import ipaddress
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 from tornado.gen import with_timeout
 from tornado.http1connection import HTTP1Connection
@@ -11,10 +11,8 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 
 from h2nav.live.broadcast import Broadcast
+from h2nav.live.flights_site import FlightsSite
 from h2nav.live.state import LiveState
-
-if TYPE_CHECKING:
-    from h2nav.live.flights import FlightsSite
 
 # Time for a request to arrive, and for an answer to be read.
 PATIENCE_S = 15.0
@@ -29,7 +27,7 @@ class Shared(NamedTuple):
 
     state: LiveState | None  # of the daemon; None without a vehicle
     broadcast: Broadcast | None  # of its events
-    flights: "FlightsSite | None"  # the record of flights; None if none is kept
+    flights: FlightsSite | None  # the record of flights; None if none is kept
     assets: dict[str, bytes]  # the files of the pages by name
     home: str  # name of the page at the root
     is_private: bool  # the port is reachable from this computer only

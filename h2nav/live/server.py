@@ -19,7 +19,7 @@ from tornado.web import Application, HTTPError
 from h2nav import __version__
 from h2nav.live import flights as flight_pages
 from h2nav.live.broadcast import Broadcast
-from h2nav.live.flights import FlightsSite
+from h2nav.live.flights_site import FlightsSite
 from h2nav.live.handlers import PATIENCE_S, PageHandler, Shared, is_loopback
 from h2nav.live.metrics import metrics_text
 from h2nav.live.state import LiveState

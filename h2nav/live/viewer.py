@@ -12,7 +12,7 @@ from h2nav.errors import BadInput
 from h2nav.flights.folder import FlightFolder
 from h2nav.host.yielding import yield_to_others
 from h2nav.links.live_feed import FeedLine, FeedReader, Greeting, Word
-from h2nav.live.flights import FlightsSite, SiteRights
+from h2nav.live.flights_site import FlightsSite, SiteRights
 from h2nav.live.foxglove_server import FoxgloveServer
 from h2nav.live.server import PageServer
 from h2nav.live.state import LiveState

@@ -20,7 +20,7 @@ from h2nav.log.file import new_file
 from h2nav.recordings.anonymous import Coordinates, Replacement, which_of
 from h2nav.recordings.anonymous_logs import Counted
 from h2nav.recordings.frame_tables import TableMaker
-from h2nav.recordings.recording import Recording
+from h2nav.recordings.link_recording import Recording
 from h2nav.wire.deframer import Deframer, Frame
 from h2nav.wire.dialect import LAYOUTS, MessageLayout, WireField
 from h2nav.wire.frame_scan import FrameScan

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.recordings.recording import Recording
+from h2nav.recordings.link_recording import Recording
 from h2nav.wire.arrivals import Integers
 from h2nav.wire.byte_views import values_at
 from h2nav.wire.dialect import LAYOUTS

@@ -23,12 +23,13 @@ from h2nav.recordings.dataflash import start_unix_s as dataflash_start
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import Piece, dataflash_pieces, is_dataflash
 from h2nav.recordings.frame_tables import fields_of
+from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.log_clock import LATEST_US
 from h2nav.recordings.log_rows import Log
 from h2nav.recordings.mcap_recording import McapRecording
 from h2nav.recordings.opening import PROBE_BYTES
 from h2nav.recordings.protobuf_rows import RowMessages, Rows
-from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.recording import open_recording
 from h2nav.recordings.row_tables import Table
 from h2nav.recordings.ulog import start_unix_s as ulog_start
 from h2nav.recordings.ulog_rows import ULogRows

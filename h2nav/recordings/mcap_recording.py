@@ -14,7 +14,7 @@ from h2nav.log.file import RAW_ENCODING, Attachment
 from h2nav.log.reader import Directory, LogScan, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import StoredMessage, message, parse
-from h2nav.recordings.recording import Recording, nonzero
+from h2nav.recordings.link_recording import Recording, nonzero
 from h2nav.wire.arrivals import Arrivals, gathered
 
 

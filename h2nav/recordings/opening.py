@@ -5,7 +5,8 @@ from pathlib import Path
 from h2nav.errors import BadInput
 from h2nav.recordings.dataflash_tables import is_dataflash
 from h2nav.recordings.imported import ImportedLog
-from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.link_recording import Recording
+from h2nav.recordings.recording import open_recording
 from h2nav.recordings.ulog_tables import is_ulog
 
 PROBE_BYTES = 4096

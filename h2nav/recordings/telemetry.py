@@ -30,8 +30,8 @@ from h2nav.recordings.context import (
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
+from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.lost_frames import LostFrames, missing_share
-from h2nav.recordings.recording import Recording
 from h2nav.recordings.rotations import quaternions
 from h2nav.recordings.spans import silences, spans
 from h2nav.recordings.telemetry_rows import TelemetryRows, message_ids

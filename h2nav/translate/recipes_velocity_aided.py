@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from h2nav.attitude.record import Form, Grid, grids_of, row, rows
 from h2nav.attitude.velocity_aided import memory as floats
 from h2nav.attitude.velocity_aided.integer import memory as integers
-from h2nav.attitude.velocity_aided.integer.units import (
+from h2nav.attitude.velocity_aided.parameters import PARAMETERS, Fixed, Scaled
+from h2nav.attitude.velocity_aided.units import (
     BIAS_UNIT_RAD_S,
     FIELD_RATE_UNIT,
     HEADING_UNIT_RAD,
@@ -22,7 +23,6 @@ from h2nav.attitude.velocity_aided.integer.units import (
     LAG_UNIT_S,
     TURN_UNIT,
 )
-from h2nav.attitude.velocity_aided.parameters import PARAMETERS, Fixed, Scaled
 from h2nav.translate.derivation import Operand, Recipe
 
 _STATE, _GAINS, _ROTATION = "s: State", "g: Gains", "r: list[I32]"

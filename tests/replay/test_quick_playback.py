@@ -21,7 +21,8 @@ from h2nav.apps.playback import (
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.integrity.findings import Severity
 from h2nav.log.recorder import Recorder
-from h2nav.recordings.recording import Recording, open_recording
+from h2nav.recordings.link_recording import Recording
+from h2nav.recordings.recording import open_recording
 from h2nav.wire.deframer import Frame
 
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"

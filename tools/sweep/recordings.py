@@ -17,7 +17,7 @@ from h2nav.recordings.autopilot_log import AutopilotLog, Recorded
 from h2nav.recordings.context import AttitudeTrack, GpsTrack, ImuTrack
 from h2nav.recordings.frame_tables import FrameTable, tables
 from h2nav.recordings.imu_series import Readings
-from h2nav.recordings.recording import Recording
+from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.telemetry import MESSAGE_IDS
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.personalities import ARDUPILOT

@@ -15,7 +15,7 @@ from h2nav.attitude.record import real, reals
 from h2nav.attitude.velocity_aided.parameter_fields import FloatParameters
 from h2nav.attitude.velocity_aided.parameters import in_floats
 
-from .integer.units import ACCEL_UNIT_G, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD
+from .units import ACCEL_UNIT_G, BIAS_UNIT_RAD_S, HEADING_UNIT_RAD
 
 SETS = 12  # gain sets, weakest first
 PERIODS = 4  # times between fixes that gains are made for

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 
 from h2nav.attitude.integer.motion import BIAS_LIMIT
 from h2nav.attitude.record import Row, integer, named_row, real, with_rows
-from h2nav.attitude.velocity_aided.integer.units import (
+from h2nav.attitude.velocity_aided.units import (
     ACCEL_UNIT_G,
     BIAS_UNIT_RAD_S,
     HEADING_UNIT_RAD,

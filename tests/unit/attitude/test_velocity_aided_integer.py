@@ -47,7 +47,7 @@ from h2nav.attitude.samples import (
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.attitude.velocity_aided.integer.units import ACCEL_UNIT_G
+from h2nav.attitude.velocity_aided.units import ACCEL_UNIT_G
 from h2nav.files import gain_files
 from h2nav.maths import quaternion
 from h2nav.maths.units import GRAVITY_M_S2

@@ -14,7 +14,7 @@ from live_records import WAIT_S, served
 
 from h2nav.flights.folder import UPLOADS, FlightFolder
 from h2nav.flights.uploads import safe_name
-from h2nav.live.flights import SiteRights
+from h2nav.live.flights_site import SiteRights
 
 TOKEN = "0123456789abcdefTOKEN"
 MAX_UPLOAD_BYTES = 1 << 20

@@ -5,7 +5,7 @@ from browsers import headless_browser, says, wait_until
 from flight_folders import add_flights, summary
 from live_records import served
 
-from h2nav.live.flights import SiteRights
+from h2nav.live.flights_site import SiteRights
 
 COUNT = 500
 TOKEN = "0123456789abcdefTOKEN"

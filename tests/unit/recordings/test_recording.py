@@ -12,7 +12,8 @@ from h2nav.errors import BadInput
 from h2nav.log.file import LogFile
 from h2nav.log.reader import LogScan
 from h2nav.log.recorder import Recorder, RecorderRecord
-from h2nav.recordings.recording import SYNTHETIC_BYTES_S, open_recording
+from h2nav.recordings.link_recording import SYNTHETIC_BYTES_S
+from h2nav.recordings.recording import open_recording
 from h2nav.wire.deframer import Deframer
 
 SEED = 20_261_121

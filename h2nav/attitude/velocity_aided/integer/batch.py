@@ -27,7 +27,7 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     Sample,
     State,
 )
-from h2nav.attitude.velocity_aided.integer.units import BIAS_WORD_RAD_S
+from h2nav.attitude.velocity_aided.units import BIAS_WORD_RAD_S
 from h2nav.maths.units import GRAVITY_M_S2
 
 

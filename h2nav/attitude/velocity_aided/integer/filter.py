@@ -48,14 +48,6 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     Sample,
     State,
 )
-from h2nav.attitude.velocity_aided.integer.units import (
-    ACCEL_UNIT_G,
-    BIAS_WORD_RAD_S,
-    FIELD_UNIT_UT,
-    HEADING_UNIT_RAD,
-    LAG_UNIT_S,
-    TURN_UNIT,
-)
 from h2nav.attitude.velocity_aided.kernel.estimate import (
     CONVERGED_S,
     FIELD_OFFSET,
@@ -71,6 +63,14 @@ from h2nav.attitude.velocity_aided.shell import (
     TRUST_BITS,
     VelocityAidedShell,
     clipping,
+)
+from h2nav.attitude.velocity_aided.units import (
+    ACCEL_UNIT_G,
+    BIAS_WORD_RAD_S,
+    FIELD_UNIT_UT,
+    HEADING_UNIT_RAD,
+    LAG_UNIT_S,
+    TURN_UNIT,
 )
 from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix
 from h2nav.attitude.velocity_aided.velocity_heading import HeadingState, RefusedField
