@@ -6,7 +6,6 @@ matter; within a piece the messages are in the order of their times.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,13 +32,12 @@ from h2nav.recordings.recording import open_recording
 from h2nav.recordings.row_tables import Table
 from h2nav.recordings.ulog import start_unix_s as ulog_start
 from h2nav.recordings.ulog_rows import ULogRows
-from h2nav.recordings.ulog_tables import FILE_HEADER, is_ulog, ulog_of
+from h2nav.recordings.ulog_tables import is_ulog, ulog_pieces
 from h2nav.recordings.viewer_rows import SCHEMAS, viewer_messages
 from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.frame_scan import FoundFrames, FrameScan
 
 CHUNK_BYTES = 1 << 20
-PIECE_BYTES = 1 << 21  # of a ULog file
 # A damaged or hostile file may define any number of messages.
 MAX_CHANNELS = 2_000
 NS_PER_US = 1_000
@@ -214,33 +212,20 @@ def _of_dataflash(path: Path, progress: Progress) -> Iterator[list[Part]]:
 
 
 def _of_ulog(path: Path, progress: Progress) -> Iterator[list[Part]]:
-    """The places of all messages are held, 8 bytes each; their rows are read piece by piece."""
-    with path.open("rb") as stream:
-        data = mmap(stream.fileno(), 0, access=ACCESS_READ)
-    if len(data) < FILE_HEADER.size:
-        raise BadInput(f"{path}: no message in it")
-    log = ULogRows(ulog_of(data))
-    offset_ns = _unix_offset_ns([(log, ulog_start(log))])
-    yield list(_ulog_notes(log, offset_ns))
-    named = (log.tables.find(name) for name in sorted(log.tables.names))
-    tables = [table for table in named if table is not None]
-    for start in range(0, len(data), PIECE_BYTES):
-        end = min(start + PIECE_BYTES, len(data))
-        within = [table.places.searchsorted((start, end)).tolist() for table in tables]
-        parts = (
-            table.part(slice(*rows))
-            for table, rows in zip(tables, within, strict=True)
-            if rows[0] < rows[1]
-        )
-        yield [_table_part("ulog", log, one, offset_ns, _Units()) for one in parts]
-        progress(end, len(data))
+    """Like `_of_dataflash`."""
+    logs = (ULogRows(piece) for piece in ulog_pieces(path))
+    offset_ns = _unix_offset_ns((log, ulog_start(log)) for log in logs)
+    for piece in ulog_pieces(path, progress):
+        log = ULogRows(piece)
+        yield [*_ulog_notes(log, offset_ns), *_table_parts("ulog", log, offset_ns, _Units())]
 
 
 def _unix_offset_ns(dated: Iterable[tuple[Log, float | None]]) -> int:
     """UNIX time minus the time since boot, from the first log with a date; 0 without one."""
     for log, start_unix_s in dated:
         if start_unix_s is not None:
-            return round(start_unix_s * 1e9) - log.clock.start_us * NS_PER_US
+            # A float holds it to a quarter of a microsecond.
+            return (round(start_unix_s * 1e6) - log.clock.start_us) * NS_PER_US
     return 0
 
 

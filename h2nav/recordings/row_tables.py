@@ -57,12 +57,6 @@ class Table:
         numbers = np.flatnonzero(wanted) if isinstance(numbers, slice) else numbers[wanted]
         return Table(self.name, self.places[wanted], self._rows, self._divisors, numbers)
 
-    def part(self, rows: slice) -> "Table":
-        """Rows that follow each other; nothing is copied but their numbers."""
-        wanted = self._wanted
-        numbers = np.arange(len(self))[rows] if isinstance(wanted, slice) else wanted[rows]
-        return Table(self.name, self.places[rows], self._rows, self._divisors, numbers)
-
     def kind(self, column: str) -> str:
         """The storage type of a column, in numpy's letters: ``f``, ``i``, ``u`` or ``S``."""
         return str(self._rows.dtype[column].base.kind)

@@ -14,9 +14,9 @@ import re
 import struct
 from array import array
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
-from mmap import mmap
+from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
+from h2nav.log.survey import Progress
 from h2nav.recordings.row_tables import LogTables, RowSource
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -72,6 +73,7 @@ MAX_COLUMNS = 4_096
 LARGEST_ROW = 65_533
 APPENDED = 1  # flag: data were appended, at the given places
 FLAGS_BODY = struct.Struct("<8x8s3Q")
+PIECE_BYTES = 1 << 21
 # After damage this many bytes are searched at a time, at first and at last.
 MIN_SEARCH, MAX_SEARCH = 1 << 10, 1 << 18
 NUMBERS = 1 << 16
@@ -145,9 +147,24 @@ def read_ulog(path: Path) -> ULogFile:
     return _Chain(data).follow()
 
 
-def ulog_of(data: bytes | mmap) -> ULogFile:
-    """The contents of a ULog; of a mapped file the rows stay on the disk until they are read."""
-    return _Chain(data).follow()
+def ulog_pieces(path: Path, progress: Progress = lambda done, total: None) -> Iterator[ULogFile]:
+    """Reads a file piece by piece, so that its size does not matter.
+
+    Args:
+        progress: called with the bytes done and the total.
+
+    Raises:
+        BadInput: the file ends in its header.
+        OSError: it cannot be opened.
+    """
+    with path.open("rb") as stream:
+        data = mmap(stream.fileno(), 0, access=ACCESS_READ)
+    if len(data) < FILE_HEADER.size:
+        raise BadInput(f"{path}: no message in it")
+    for done, piece in _Chain(data).pieces():
+        yield piece
+        progress(done, len(data))
+        data.madvise(MADV_DONTNEED)  # what was read need not stay in memory
 
 
 def ulog_layout(data: bytes | mmap) -> ULogLayout:
@@ -273,7 +290,10 @@ class _Chain:
         for kind, sizes in SIZES.items():
             self._least[NUMBERS + kind], self._most[NUMBERS + kind] = sizes
         self._notes: Counter[str] = Counter()
-        self._file = ULogFile(FILE_HEADER.unpack_from(data)[2], LogTables({}, {}), [], [], {})
+        self._start_us = FILE_HEADER.unpack_from(data)[2]
+        self._parameters: list[ParameterSet] = []
+        self._texts: list[LoggedText] = []
+        self._info: dict[str, str | float] = {}
         self._handlers = {
             FORMAT: self._on_format,
             SUBSCRIPTION: self._on_subscription,
@@ -286,13 +306,35 @@ class _Chain:
 
     def follow(self) -> ULogFile:
         """Follows the whole file."""
+        for _ in self._stretches():
+            pass
+        return self._followed()
+
+    def pieces(self) -> Iterator[tuple[int, ULogFile]]:
+        """Yields successive pieces, with the place where each ends."""
+        for place in self._stretches():
+            topics = self._subscriptions.values()
+            # What is set before the first data has their time.
+            if place < len(self._data) and not any(one.places for one in topics):
+                continue
+            yield place, self._followed()
+            self._parameters, self._texts, self._others = [], [], array("q")
+            for one in topics:
+                del one.places[:]
+
+    def _followed(self) -> ULogFile:
+        """The contents since the last piece."""
+        tables = LogTables(self._sources(), dict(self._notes))
+        return ULogFile(self._start_us, tables, self._parameters, self._texts, self._info)
+
+    def _stretches(self) -> Iterator[int]:
+        """Follows the file; yields the places reached, the end last."""
         place = FILE_HEADER.size
         # Appended data begin at places of their own, whatever was cut off before them.
         for end in (*self._appended(), len(self._data)):
-            self._stretch(place, end)
+            yield from self._stretch(place, end)
             place = end
-        tables = LogTables(self._sources(), dict(self._notes))
-        return self._file._replace(tables=tables)
+        yield place
 
     def layout(self) -> ULogLayout:
         """Where the messages are that were followed."""
@@ -316,14 +358,18 @@ class _Chain:
             return []
         return [found for found in sorted(places) if place < found < len(data)]
 
-    def _stretch(self, place: int, end: int) -> None:
-        """Follows the chain between two places."""
+    def _stretch(self, place: int, end: int) -> Iterator[int]:
+        """Follows the chain between two places; yields some that are reached."""
         data, handlers = self._data, self._handlers
-        last = end - HEADER_BYTES
+        last, stop = end - HEADER_BYTES, place + PIECE_BYTES
         while place <= last:
-            place = self._data_messages(place, end)
+            place = self._data_messages(place, end, stop)
             if place > last:
                 break
+            if place >= stop:
+                yield place
+                stop = place + PIECE_BYTES
+                continue
             size, kind = data[place] | data[place + 1] << 8, data[place + 2]
             following = place + HEADER_BYTES + size
             if kind != DATA and following <= end and self._may_be_message(place):
@@ -341,10 +387,14 @@ class _Chain:
         if place < end:
             self._notes["bytes that are no message"] += end - place
 
-    def _data_messages(self, place: int, end: int) -> int:
-        """Follows data messages, of which a file has by far the most; returns where they end."""
+    def _data_messages(self, place: int, end: int, stop: int) -> int:
+        """Follows data messages, of which a file has by far the most; returns where they end.
+
+        Args:
+            stop: no message from here on is followed.
+        """
         data, takers, header = self._data, self._takers, DATA_HEADER.unpack_from
-        last = end - DATA_HEADER_BYTES
+        last = min(end - DATA_HEADER_BYTES, stop - 1)
         while place <= last:
             size, kind, number = header(data, place)
             following = place + HEADER_BYTES + size
@@ -419,34 +469,37 @@ class _Chain:
     def _on_parameter(self, place: int, body: bytes) -> None:
         name, value = _keyed(body)
         if isinstance(value, float) and math.isfinite(value):
-            self._file.parameters.append(ParameterSet(place, name, value))
+            self._parameters.append(ParameterSet(place, name, value))
 
     def _on_info(self, _place: int, body: bytes) -> None:
         name, value = _keyed(body)
         if value is not None:
-            self._file.info.setdefault(name, value)
+            self._info.setdefault(name, value)
 
     def _on_text(self, body: bytes, start: int) -> None:
         """A text; its level is a digit."""
         t_us = int.from_bytes(body[start : start + 8], "little")
         text = body[start + 8 :].decode("utf-8", "replace").rstrip("\0")
-        self._file.texts.append(LoggedText(t_us, (body[0] - ord("0")) & 7, text))
+        self._texts.append(LoggedText(t_us, (body[0] - ord("0")) & 7, text))
 
     def _on_dropout(self, _place: int, _body: bytes) -> None:
         self._notes["dropouts of the autopilot's logger"] += 1
 
     def _sources(self) -> dict[str, RowSource]:
-        """The sources of the tables of all topics present."""
-        sources: dict[str, RowSource] = {}
+        """The sources of the tables of all topics present; a topic may be subscribed to again."""
+        found: dict[str, list[_Subscription]] = {}
         for topic in self._subscriptions.values():
-            known = sources.get(topic.table)
-            if not topic.places or (known and len(known.places) >= len(topic.places)):
-                continue
-            places = np.array(topic.places, np.int64)
-            sources[topic.table] = RowSource(
-                self._data, places, partial(self._formats.row, topic.topic), {}
+            if topic.places:
+                found.setdefault(topic.table, []).append(topic)
+        return {
+            table: RowSource(
+                self._data,
+                np.sort(np.concatenate([np.array(one.places, np.int64) for one in topics])),
+                partial(self._formats.row, topics[0].topic),
+                {},
             )
-        return sources
+            for table, topics in found.items()
+        }
 
 
 def _keyed(body: bytes) -> tuple[str, str | float | None]:

@@ -19,7 +19,7 @@ from pyulog import ULog
 from h2nav.cli import main
 from h2nav.errors import BadInput
 from h2nav.maths.quaternion import from_euler
-from h2nav.recordings import dataflash_tables, log_mcap
+from h2nav.recordings import dataflash_tables, log_mcap, ulog_tables
 from h2nav.recordings.dataflash_tables import FMT_TYPE
 from h2nav.recordings.log_mcap import export_mcap
 
@@ -246,8 +246,8 @@ def test_a_ulog_in_small_pieces_has_the_same_messages(
 ) -> None:
     data = ulog(made_flight())
     _, whole = exported(tmp_path, "whole.ulg", data)
-    monkeypatch.setattr(log_mcap, "PIECE_BYTES", 5_000)
-    assert len(data) > 20 * log_mcap.PIECE_BYTES
+    monkeypatch.setattr(ulog_tables, "PIECE_BYTES", 5_000)
+    assert len(data) > 20 * ulog_tables.PIECE_BYTES
     _, pieces = exported(tmp_path, "pieces.ulg", data)
     in_whole, in_pieces = decoded(whole), decoded(pieces)
     assert in_whole.keys() == in_pieces.keys()

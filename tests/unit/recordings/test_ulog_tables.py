@@ -12,7 +12,8 @@ from made_logs import START_US, ULogWriter, made_flight, ulog
 from needs import need_package, shared_data
 
 from h2nav.errors import BadInput
-from h2nav.recordings.ulog_tables import ULogFile, instance, is_ulog, read_ulog
+from h2nav.recordings import ulog_tables
+from h2nav.recordings.ulog_tables import ULogFile, instance, is_ulog, read_ulog, ulog_pieces
 from h2nav.sim.imu_model import GyroSampling
 
 HEADER_BYTES = 16
@@ -53,6 +54,41 @@ def assert_same(path: Path) -> None:
         first.setdefault(setting.name, setting.value)
     assert first == pytest.approx(other.initial_parameters)
     assert mine.start_us == other.start_timestamp
+
+
+def test_pieces_hold_each_message_once_and_no_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "made.ulg"
+    path.write_bytes(ulog(made_flight(duration_s=3.0)))
+    monkeypatch.setattr(ulog_tables, "PIECE_BYTES", 4_000)
+    whole, pieces = read_ulog(path), list(ulog_pieces(path))
+    found: dict[str, list[int]] = {name: [] for name in whole.tables.names}
+    for piece in pieces:
+        within: list[int] = []
+        for name in piece.tables.names:
+            table = piece.tables.find(name)
+            assert table is not None
+            found[name] += table.places.tolist()
+            within += table.places.tolist()
+        # Definitions before the first data are no piece of their own.
+        assert piece is pieces[0] or max(within) - min(within) < 4_000
+    for name, places in found.items():
+        table = whole.tables.find(name)
+        assert table is not None
+        assert places == table.places.tolist()
+    assert [one for piece in pieces for one in piece.parameters] == whole.parameters
+    assert [one for piece in pieces for one in piece.texts] == whole.texts
+
+
+def test_a_topic_that_is_subscribed_to_again_keeps_its_rows(tmp_path: Path) -> None:
+    made = ULogWriter()
+    t_us = START_US + np.arange(30, dtype=np.int64) * 1000
+    made.add("load", "float load", t_us[:20], np.arange(20))
+    made.add("load", "float load", t_us[20:], np.arange(20, 30))
+    table = read(tmp_path, made.bytes()).tables.find("load/0")
+    assert table is not None
+    assert table.numbers("load").tolist() == list(range(30))
 
 
 @pytest.mark.parametrize("old", [False, True])
