@@ -177,25 +177,22 @@ class GnssVerdict:
         for watch in self._signals.values():
             watch.forget_old(self._now_us)
         raised = next((each for each in self._signals.values() if each.raised), None)
-        lost, knows_levels = self._used.lost, any(w.knows_levels for w in self._signals.values())
-        if raised is None and (lost is None or knows_levels):
-            return None  # satellites lost without more power at the antenna: not by jamming
-        evidence = [] if raised is None else [f"the receiver measures {raised.raised}"]
-        since_us = self._used.since_us if raised is None else raised.since_us
-        if lost is not None:
-            evidence.append(f"satellites {lost[0]} -> {lost[1]}")
-            since_us = min(since_us, self._used.since_us)
         if raised is None:
-            evidence.append("an antenna that fails looks alike")
-        is_decided = raised is not None and lost is not None
+            return None  # satellites are lost by antennas, roofs and restarts as well
+        lost, since_us = self._used.lost, raised.since_us
+        evidence = f"the receiver measures {raised.raised}"
+        if lost is not None:
+            evidence += f"; satellites {lost[0]} -> {lost[1]}"
+            since_us = min(since_us, self._used.since_us)
+        is_decided = lost is not None
         return Alarm(
             Kind.GNSS_JAMMED,
             GPS,
             Severity.WARNING if is_decided else Severity.NOTICE,
-            float(MITIGATED if not is_decided else DETECTED),
+            float(DETECTED if is_decided else MITIGATED),
             "",
             f"GNSS {'is' if is_decided else 'may be'} jammed",
-            "; ".join(evidence),
+            evidence,
             since_s=self._since_s(since_us),
             is_decided=is_decided,
         )

@@ -3,8 +3,15 @@
 A jammer that hides satellites raises the power at the antenna: the receiver's noise grows, its
 automatic gain falls, or its indicator of narrow lines rises. Each is compared with the same
 receiver's own earlier values, as antennas, cables and receivers differ several times over. Raised
-power while satellites are lost is jamming; either alone may be: an antenna that fails loses them
-too, and a receiver may still cope.
+power while satellites are lost is jamming; raised power alone may be, and the receiver copes.
+Satellites lost alone are none: antennas that fail, roofs and restarts lose them too.
+
+u-blox receivers have a monitor of the same form (CFG-ITFM, off as shipped): above thresholds
+against the spectrum of a time with a good fix it says "warning", and without a fix "critical". As
+shipped, its thresholds are 3 dB of broad-band power and 15 dB of a narrow line; ours are no lower.
+
+Sources: u-blox ZED-F9T and RCB-F9T integration manuals (jamming and interference indicator and
+monitor), ZED-F9P interface description (MON-RF, CFG-ITFM); PX4 guide, Flight Review.
 """
 
 import math
@@ -13,20 +20,21 @@ from collections.abc import Iterable
 from statistics import median
 from typing import NamedTuple
 
-# Twice the usual amplitude of noise, or half the usual gain, is four times the power: a jammer
-# three times as strong as the noise, which costs 6 dB of C/N0 and so the weaker satellites.
-# In 147 recordings noise came to 1.4 times its median and gain to .8 of it.
+# Twice the usual noise or half the usual gain are 6 dB, or 3 dB if they count power, which u-blox
+# does not say. At 6 dB a jammer is three times as strong as the noise and costs as much of C/N0,
+# and so the weaker satellites. In 72 recordings of sound receivers noise came to 1.4, gain to .86.
 MORE_NOISE = 2.0
 LESS_GAIN = 0.5
-# Of 255 that u-blox receivers indicate; sound ones changed by up to 67 in flight.
-MORE_LINE = 100.0
+# The indicator's usual value depends on the installation (u-blox): PX4 calls one up to 40 sound,
+# from 80 on wrong, and 255 jammed. We take a rise by half of the scale; sound ones rose by 67.
 FULL_LINE = 255.0
+MORE_LINE = 0.5 * FULL_LINE
 USUAL_ROWS = 64
 MIN_ROWS = 5
 # A row is not repeated for this long at the rates of logs.
 FRESH_US = 12_000_000
-# Satellites count as lost against those of this time before, for this long. Receivers drop all of
-# them for one fix now and then; in 147 recordings never for two.
+# Satellites count as lost against those of this time before, for this long: receivers drop all of
+# them for one fix now and then.
 BEFORE_US = 30_000_000
 JUST_US = 3_000_000
 LOST_US = 1_000_000
@@ -61,16 +69,11 @@ class SignalWatch:
         self._counts: deque[tuple[int, int]] = deque(maxlen=MAX_COUNTS)
         self._few_us: int | None = None
 
-    @property
-    def knows_levels(self) -> bool:
-        """Whether the receiver measures the power, and its usual one is known."""
-        return len(self._usual) >= MIN_ROWS
-
     def levels(self, t_us: int, measured: SignalLevels) -> None:
         """Takes what the receiver measures."""
         before = self.raised
         self._levels_us = t_us
-        self.raised = self._compared(measured) if self.knows_levels else ""
+        self.raised = self._compared(measured) if len(self._usual) >= MIN_ROWS else ""
         if not self.raised:
             self._usual.append(measured)
         elif not before and self.lost is None:
