@@ -28,6 +28,9 @@ from h2nav.reviews.tracks import (
     Vibrations,
 )
 
+# Jumps of a sensor that the checks in flight decide by the attitude.
+STEPS = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
+
 
 class Analysis(NamedTuple):
     """The result of `analyse`; the tracks are for pictures."""
@@ -46,8 +49,8 @@ class Analysis(NamedTuple):
     impacts: tuple[Impact, ...] = ()  # crashes and hard landings, in order
     # windows at rest, by the number of the IMU, from 0
     rests: dict[int, Rest] = {}  # noqa: RUF012 - never changed
-    # ids of findings in flight that blame autopilot or receiver where h2nav's own attitude is
-    # wrong
+    # ids of findings in flight that blame autopilot, receiver or sensor where h2nav's own
+    # attitude is wrong
     cleared: frozenset[str] = frozenset()
     # id of a finding in flight -> as the whole flight shows it
     judged: dict[str, Finding] = {}  # noqa: RUF012 - never changed
@@ -102,6 +105,7 @@ def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
             (
                 *(one.id for one in _cleared(evidence)),
                 *(one.id for one in _of_our_own_error(evidence, shown)),
+                *(one.id for one in _of_slow_samples(evidence)),
                 *(one.id for one in shown if not one.backs_us),
             )
         ),
@@ -120,6 +124,13 @@ def _of_our_own_error(evidence: FlightEvidence, shown: tuple[Finding, ...]) -> l
         if one.kind is Kind.GPS_VELOCITY or _is_guess(one)
         if any(one.from_s <= own.to_s and own.from_s <= one.to_s for own in ours)
     ]
+
+
+def _of_slow_samples(evidence: FlightEvidence) -> list[Finding]:
+    """Steps of a sensor, shown by an attitude that samples this seldom lead astray."""
+    if evidence.of(parts.rate_hz) >= parts.STEADY_HZ:
+        return []
+    return [one for one in evidence.flight.findings if one.kind in STEPS]
 
 
 def _is_guess(one: Finding) -> bool:

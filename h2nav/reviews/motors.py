@@ -27,6 +27,9 @@ MIN_BINS = 150
 # the centre. In each part of the flight it is at least half as large.
 UNEVEN_US, ALONE_US, OTHERS_SHARE, LASTS_SHARE = 40.0, 30.0, 1.15, 0.5
 PARTS = 3
+# Outputs hold a gust for seconds: each of them counts as one observation. The limit is exceeded
+# with a probability of 95 %.
+GUST_S, SURE_SIGMAS = 5.0, 1.645
 # Of a weak motor alone, the others work a third less each; of a load off the centre, the one across
 # as much less.
 PAIR_SHARE = 0.8
@@ -99,6 +102,7 @@ class Beyond(NamedTuple):
     t_s: Array  # (N,) times of level flight
     left: Array  # (N, k) microseconds, over time
     raw: Array  # (k,) the same mean as recorded, with wind and motion
+    sigma: Array  # (k,) standard deviation of `own`, microseconds
 
 
 def outputs_beyond_others(
@@ -131,7 +135,24 @@ def _beyond(outputs: MotorOutputs, count: int) -> Beyond | None:
     )
     rows = np.column_stack((np.ones(len(causes)), causes))
     fitted = np.linalg.lstsq(rows, apart, rcond=None)[0]
-    return Beyond(fitted[0], bins.t_s[level], apart - causes @ fitted[1:], apart.mean(axis=0))
+    t_s = bins.t_s[level]
+    return Beyond(
+        fitted[0],
+        t_s,
+        apart - causes @ fitted[1:],
+        apart.mean(axis=0),
+        _sigma(rows, apart - rows @ fitted, t_s),
+    )
+
+
+def _sigma(rows: Array, left: Array, t_s: Array) -> Array:
+    """(k,) standard deviation of the first coefficients, residuals of one gust being alike."""
+    gust = np.floor((t_s - t_s[0]) / GUST_S)
+    first = np.flatnonzero(np.diff(gust, prepend=-1.0))
+    pull = np.linalg.pinv(rows.T @ rows)[0] @ rows.T
+    sums = np.add.reduceat(pull[:, None] * left, first, axis=0)
+    sigma: Array = np.sqrt((sums**2).sum(axis=0) * len(first) / max(len(first) - 1, 1))
+    return sigma
 
 
 def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
@@ -142,7 +163,9 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     own, at_s = beyond.own, beyond.t_s
     motor = int(np.argmax(own))
     others = np.delete(own, motor)
-    if own[motor] < UNEVEN_US or own[motor] - others.max() < ALONE_US:
+    if own[motor] - SURE_SIGMAS * beyond.sigma[motor] < UNEVEN_US:
+        return []
+    if own[motor] - others.max() < ALONE_US:
         return []
     if motor != int(np.argmax(beyond.raw)):
         # What is taken out would be more than what is left.
@@ -173,7 +196,8 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
             size,
             "us",
             f"motor {number} works {size:.0f} us harder than the others",
-            f"{since}, with wind and motion taken out; of each motor ({shown}) us: {why}",
+            f"{since}, with wind and motion taken out, good to {beyond.sigma[motor]:.0f} us; of "
+            f"each motor ({shown}) us: {why}",
         )
     ]
 

@@ -51,7 +51,10 @@ KINDS = (
             "(wind, manoeuvres); off the ground, in each third of the flight; a note where "
             "another motor works less by as much: a load off the centre"
         ),
-        limit="40 us above the mean of the others, 30 us above the next, and the others about even",
+        limit=(
+            "40 us above the mean of the others, shown with 95 % where each 5 s count as one "
+            "observation, 30 us above the next, and the others about even"
+        ),
     ),
     Declared(
         Kind.MOTOR_SATURATED,

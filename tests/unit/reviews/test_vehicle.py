@@ -5,6 +5,7 @@ import pytest
 from reviewed_flights import DURATION_S, flight, ideal, with_gps, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import (
     Battery,
@@ -157,6 +158,15 @@ def test_pairs_loads_and_small_differences_are_no_imbalance(extra):
     flown = multirotor()
     flown = flown._replace(context=flown.context._replace(motors=motors(extra)))
     assert Kind.MOTOR_IMBALANCE not in kinds(flown)
+
+
+@pytest.mark.parametrize(("period_s", "is_told"), [(1.0, True), (20.0, False)])
+def test_what_outputs_hold_against_gusts_is_one_observation_each(period_s, is_told):
+    pwm_us = motors((45.0, -15.0, -15.0, -15.0)).pwm_us
+    pwm_us[:, 0] += 150.0 * np.sin(2.0 * np.pi * T_S / period_s)
+    flown = multirotor()
+    flown = flown._replace(context=flown.context._replace(motors=motors()._replace(pwm_us=pwm_us)))
+    assert (Kind.MOTOR_IMBALANCE in kinds(flown)) == is_told
 
 
 def test_a_motor_at_its_limit_is_told_with_how_long():
@@ -411,6 +421,20 @@ def test_a_receiver_that_is_blamed_in_flight_is_cleared_where_it_fits(drift_m_s2
     v_n = gps.v_n + drift_m_s2 * np.clip(gps.t_s - 60.0, 0.0, 15.0)[:, None]
     context = flown.context._replace(gps=(gps._replace(v_n=v_n),))
     assert (blame.id in analyse(flown._replace(context=context)).cleared) == (drift_m_s2 == 0.0)
+
+
+@pytest.mark.parametrize(("every", "is_told"), [(2, True), (4, False)])
+def test_a_gyro_that_jumps_in_seldom_samples_is_a_note(every, is_told):
+    step = Finding(
+        Kind.GYRO_BIAS_STEP, Sensor(SensorKind.IMU, 1), Severity.WARNING, 60.0, 75.0, 2.8,
+        "deg/s", "text", "", "gyro_bias_step.imu1.1",
+    )  # fmt: skip
+    track = select_rows(flight().context.imus[0], slice(None, None, every))
+    flown = flight(imus=1)._replace(findings=(step,))
+    flown = flown._replace(context=flown.context._replace(imus=(track,)))
+    links = chain(flown, analyse(flown))
+    told = next(one for one in links.findings if one.kind is Kind.GYRO_BIAS_STEP)
+    assert (told.severity is Severity.WARNING) == is_told
 
 
 # --- nobody innocent -----------------------------------------------------------------------------
