@@ -1,7 +1,7 @@
 """Alarms for the causes of a contradiction between attitude and velocity."""
 
 from h2nav.integrity.causes import Cause, Explained
-from h2nav.integrity.findings import Alarm, Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 
 # Smaller shares are not reported.
@@ -42,15 +42,8 @@ def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: f
         evidence,
         since_s=since_s,
         is_decided=decided is not None,
+        clears_velocity=kind is Kind.ATTITUDE_VELOCITY,
     )
-
-
-def clears_velocity(found: Finding) -> bool:
-    """Whether a finding says that all causes were compared, and not the velocity was wrong.
-
-    It has no size: no angle explains the contradiction.
-    """
-    return found.kind is Kind.ATTITUDE_VELOCITY and found.size == 0.0
 
 
 def _shares(found: Explained) -> str:

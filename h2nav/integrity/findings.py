@@ -79,6 +79,7 @@ class Alarm(NamedTuple):
     is_decided: bool = False  # the evidence shows the subject
     part: str = ""  # of the sensor, such as ``gyro z``; empty for the whole
     backs_us: bool | None = None  # see `Finding`
+    clears_velocity: bool = False  # see `Finding`
 
     @property
     def notice(self) -> str:
@@ -109,6 +110,8 @@ class Finding(NamedTuple):
     cause: str | None = None  # `id` of the finding that it follows from; None if none
     # where two attitudes differ, whether a third witness confirms ours; None if none decides
     backs_us: bool | None = None
+    # all causes of a contradiction were compared, and the velocity was not found to be false
+    clears_velocity: bool = False
 
     @property
     def source(self) -> str:
@@ -163,6 +166,7 @@ class _Entry:
             id=identity,
             is_open=True,
             backs_us=alarm.backs_us,
+            clears_velocity=alarm.clears_velocity,
         )
         self._held_s, self._evidence = alarm.since_s, alarm.evidence
         self._shown = alarm.is_decided, alarm.size  # of the present text and evidence
@@ -181,7 +185,11 @@ class _Entry:
         if shown > self._shown:
             self._is_renewed |= shown[0] > self._shown[0]
             self._shown, self._evidence = shown, alarm.evidence
-            self.finding = self.finding._replace(text=alarm.text, backs_us=alarm.backs_us)
+            self.finding = self.finding._replace(
+                text=alarm.text,
+                backs_us=alarm.backs_us,
+                clears_velocity=alarm.clears_velocity,
+            )
         self.finding = self.finding._replace(evidence=self._evidence + self._share)
 
     @property

@@ -1,7 +1,6 @@
 """GPS receivers against inertial motion."""
 
 from h2nav.integrity import words
-from h2nav.integrity.cause_alarms import clears_velocity
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.integrity.velocity_rows import LENGTH_S
@@ -108,7 +107,7 @@ def receivers(evidence: FlightEvidence) -> tuple[tuple[Receiver, list[Finding]],
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `receiver` and `force_steps`."""
-    compared = [one for one in evidence.flight.findings if clears_velocity(one)]
+    compared = [one for one in evidence.flight.findings if one.clears_velocity]
     found = [[weighed(one, compared) for one in own] for _, own in evidence.of(receivers)]
     steps = evidence.of(parts.force_steps)
     if len(evidence.of(parts.alive)) == 1:

@@ -98,6 +98,17 @@ def test_a_decided_verdict_stays_however_the_size_goes_on():
     assert (found.text, found.size) == ("size 5.0", 20.0)
 
 
+def test_a_comparison_of_all_causes_clears_the_velocity_whatever_angle_was_told_before():
+    findings = Findings()
+    contradicts = alarm(size=9.0)._replace(kind=Kind.ATTITUDE_VELOCITY)
+    findings.update(0.0, [contradicts])
+    assert not findings.all[0].clears_velocity
+    compared = contradicts._replace(size=0.0, is_decided=True, clears_velocity=True)
+    findings.update(1.0, [compared])
+    (found,) = findings.all
+    assert (found.size, found.clears_velocity) == (9.0, True)
+
+
 def test_they_do_not_grow_without_bound():
     findings = Findings()
     for number in range(MAX_FINDINGS + 7):

@@ -222,18 +222,18 @@ def test_without_a_held_course_a_slow_receiver_is_believed():
 
 
 @pytest.mark.parametrize(
-    ("size_deg", "to_s", "severity"),
+    ("is_compared", "to_s", "severity"),
     [
-        (0.0, 66.0, Severity.NOTICE),
-        (0.0, 60.5, Severity.WARNING),
-        (12.0, 66.0, Severity.WARNING),
+        (True, 66.0, Severity.NOTICE),
+        (True, 60.5, Severity.WARNING),
+        (False, 66.0, Severity.WARNING),
     ],
 )
-def test_the_comparison_of_all_causes_in_flight_decides(size_deg, to_s, severity):
+def test_the_comparison_of_all_causes_in_flight_decides(is_compared, to_s, severity):
     sensor = Sensor(SensorKind.GPS)
     compared = Finding(
-        Kind.ATTITUDE_VELOCITY, sensor, Severity.WARNING, 59.0, to_s, size_deg, "deg", "",
-        "vibration", "a",
+        Kind.ATTITUDE_VELOCITY, sensor, Severity.WARNING, 59.0, to_s, 0.0, "deg", "",
+        "vibration", "a", clears_velocity=is_compared,
     )  # fmt: skip
     flown = flight()
     gps = flown.context.gps[0]
