@@ -6,8 +6,9 @@
  *   workspace  writable buffer: where it works out a step; empty for a kernel that needs none
  *   gains      buffer: its gains
  *   samples    buffer: samples, one behind the other
- *   results    writable buffer, one row of 10 numbers per sample: attitude, bias, bits, and, of
- *              kernels that work them out, deviations of tilt and heading
+ *   results    writable buffer, one row of result_columns numbers per sample: attitude, bias, bits,
+ *              and, of kernels that have them, deviations of tilt and heading, whether a velocity
+ *              holds the attitude, and the velocity gained since
  * It returns the bits of the last sample.
  *
  * bind(kernel, state, workspace, gains, sample, first, count), of kernels of doubles: a function of
@@ -27,7 +28,7 @@
 static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
 enum {
-    RESULT_COLUMNS = 10,
+    RESULT_COLUMNS = 13,
     BUFFERS = 5,
     BATCH_ROWS = 64,
     KERNELS = sizeof kernels / sizeof *kernels
@@ -48,7 +49,7 @@ static Py_ssize_t rows_of(const struct kernel *kernel, const Py_buffer *buffers)
     }
     const size_t rows = (size_t)buffers[3].len / kernel->sample_size;
     if ((size_t)buffers[4].len != rows * RESULT_COLUMNS * kernel->number_size) {
-        PyErr_SetString(PyExc_ValueError, "results need one row of 10 numbers per sample");
+        PyErr_SetString(PyExc_ValueError, "results need one row of numbers per sample");
         return -1;
     }
     return (Py_ssize_t)rows;
@@ -211,6 +212,7 @@ PyMODINIT_FUNC PyInit__native(void)
     PyObject *module = bound_type == NULL ? NULL : PyModule_Create(&definition);
     if (module != NULL &&
         (PyModule_AddStringConstant(module, "kernel_digest", KERNEL_DIGEST) != 0 ||
+         PyModule_AddIntConstant(module, "result_columns", RESULT_COLUMNS) != 0 ||
          PyModule_AddStringConstant(module, "number_codes", codes) != 0)) {
         Py_DECREF(module);
         return NULL;

@@ -117,10 +117,13 @@ def _smooth(
 ) -> TimedEstimates:
     """The smoothed estimates, which are also logged."""
     estimates = TimedEstimates()
-    for t_ns, estimate in smoothed(listener, filters.filter_for):
-        estimates.add(t_ns, estimate)
-        if recorder is not None:
-            recorder.record(SMOOTHED_TOPIC, smoothed_record(estimate), t_ns + offset_ns)
+    for arrived_us, attitudes in smoothed(listener, filters.filter_for):
+        for at_us, estimate in zip(arrived_us.tolist(), attitudes.estimates(), strict=True):
+            assert estimate is not None
+            t_ns = 1000 * at_us
+            estimates.add(t_ns, estimate)
+            if recorder is not None:
+                recorder.record(SMOOTHED_TOPIC, smoothed_record(estimate), t_ns + offset_ns)
     return estimates
 
 

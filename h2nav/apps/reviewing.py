@@ -237,6 +237,6 @@ def _smoothed(
 ) -> Estimates | None:
     rows = EstimateRows()
     found = smoothed(listener, filters.filter_for, with_field=with_field, left_out=left_out)
-    for t_ns, estimate in found:
-        rows.add((t_ns - start_ns) * 1e-9, estimate)
+    for arrived_us, attitudes in found:
+        rows.add_all(1000 * arrived_us - start_ns, attitudes)
     return rows.estimates()

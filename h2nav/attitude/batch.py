@@ -95,4 +95,4 @@ def samples_of(
     missing = np.isnan(fields[:, 0])
     missing |= np.isnan(fields[:, 1])
     missing |= np.isnan(fields[:, 2])
-    return BatchSamples(t_us, rates, forces, fields, ~missing)
+    return BatchSamples(t_us, rates, forces, fields, ~missing, np.zeros(n, dtype=bool))

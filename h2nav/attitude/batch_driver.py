@@ -4,6 +4,7 @@ A batch passes chunks of ordinary samples to the kernel. Every other sample goes
 filter's own interface, so that the bits are those of the interface.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -56,16 +57,18 @@ class BatchSamples(NamedTuple):
     acc: Floats  # (N, 3) specific force, m/s^2, body FRD
     mag: Floats  # (N, 3) field, microtesla, body FRD
     has_field: Mask  # (N,) False where a part of the field is NaN
+    clipped: Mask  # (N,) a sensor is at the end of its range, or stuck
 
-    def part(self, first: int, stop: int) -> "BatchSamples":
+    def part(self, first: int | None, stop: int | None, step: int = 1) -> "BatchSamples":
         """A slice of the rows."""
-        return BatchSamples(
-            self.t_us[first:stop],
-            self.gyr[first:stop],
-            self.acc[first:stop],
-            self.mag[first:stop],
-            self.has_field[first:stop],
-        )
+        return tuple.__new__(BatchSamples, (column[first:stop:step] for column in self))
+
+    def records(self) -> Iterator[ImuSample]:
+        """The samples one by one."""
+        columns = (column.tolist() for column in self)
+        for t_us, (p, q, r), (x, y, z), (a, b, c), has_field, clipped in zip(*columns, strict=True):
+            field = (a, b, c) if has_field else None
+            yield ImuSample(t_us, (p, q, r), (x, y, z), field, clipped)
 
 
 class Batch(Protocol):
@@ -139,12 +142,8 @@ def run_python(
     stop: int,
 ) -> None:
     """Samples `first` to `stop` one by one, through the filter's own interface."""
-    columns = (array[first:stop].tolist() for array in samples)
-    for i, (t_us, w, f, m, has_field) in enumerate(zip(*columns, strict=True), first):
-        field = (m[0], m[1], m[2]) if has_field else None
-        estimate = attitude_filter.update(
-            ImuSample(t_us, (w[0], w[1], w[2]), (f[0], f[1], f[2]), field)
-        )
+    for i, sample in enumerate(samples.part(first, stop).records(), first):
+        estimate = attitude_filter.update(sample)
         if estimate is not None:
             result.q_nb[i] = estimate.q_nb
             result.bias_b[i] = estimate.bias_b

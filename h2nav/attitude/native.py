@@ -18,8 +18,9 @@ from h2nav.attitude.record import place_of, writer
 from h2nav.errors import BadInput
 
 SWITCH = "H2NAV_NATIVE"
-# numbers that the compiled loop writes per sample: attitude, bias, the step's bits
-RESULT_COLUMNS = 10
+# numbers that the compiled loop writes per sample: attitude, bias, the step's bits, deviations,
+# whether a velocity holds the attitude, and the velocity gained
+RESULT_COLUMNS = 13
 
 
 def native_kernels() -> ModuleType | None:
@@ -53,7 +54,8 @@ def _current_build() -> ModuleType | None:
     texts = [
         folder.joinpath(path).read_text("utf-8") for kernel in COMPILED for path in kernel.files
     ]
-    return native if native.kernel_digest == digest(texts) else None
+    fits = getattr(native, "result_columns", 0) == RESULT_COLUMNS
+    return native if fits and native.kernel_digest == digest(texts) else None
 
 
 def backend() -> str:
@@ -72,8 +74,7 @@ class CompiledStep:
 
     def __init__(self, native: ModuleType, kernel: KernelFiles, code: str) -> None:
         self._run = native.run
-        # Missing in an extension from before it was there.
-        self._bind: Callable[..., Callable[..., int]] | None = getattr(native, "bind", None)
+        self._bind: Callable[..., Callable[..., int]] = native.bind
         self._number = COMPILED.index(kernel)
         self._result = array(code, [0] * RESULT_COLUMNS)
 
@@ -85,16 +86,14 @@ class CompiledStep:
         """
         return partial(self._run, self._number, *_in_full(records), self._result)
 
-    def taking(
-        self, records: Sequence[object], place: tuple[int, int]
-    ) -> Callable[..., int] | None:
+    def taking(self, records: Sequence[object], place: tuple[int, int]) -> Callable[..., int]:
         """A function that writes numbers into the sample, processes it and returns bits.
 
         Args:
             records: arguments of the step in Python, in order; the sample is the last.
             place: of the first of the numbers in the sample, and how many they are.
         """
-        return None if self._bind is None else self._bind(self._number, *_in_full(records), *place)
+        return self._bind(self._number, *_in_full(records), *place)
 
     def run(self, records: Sequence[object], samples: object, results: object) -> None:
         """Processes many samples.
@@ -141,11 +140,9 @@ def stepping(
         sample_type: its type.
         fields: the first and the last of the fields.
     """
-    bound = None if compiled is None else compiled.taking(records, place_of(sample_type, *fields))
-    if bound is not None:
-        return bound
-    write = writer(records[-1], sample_type, *fields)
-    run = partial(step, *records) if compiled is None else compiled.bound(*records)
+    if compiled is not None:
+        return compiled.taking(records, place_of(sample_type, *fields))
+    write, run = writer(records[-1], sample_type, *fields), partial(step, *records)
 
     def written(*numbers: float) -> int:
         write(*numbers)

@@ -8,21 +8,24 @@ future, weighted by the errors that each predicts.
 Equations: docs/filter.md.
 """
 
-import bisect
 import itertools
 import math
-import struct
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+
+from h2nav.attitude.batch_driver import BatchSamples, Floats, Integers, Mask
 from h2nav.attitude.filter import AttitudeFilter, pass_on
-from h2nav.attitude.lead import extrapolated
+from h2nav.attitude.kernel_files import VELOCITY_AIDED
+from h2nav.attitude.native import compiled_step
+from h2nav.attitude.record import is_in_c
 from h2nav.attitude.samples import (
     TRUST_OF,
     AttitudeEstimate,
     EarthField,
     ImuSample,
-    Quat,
     SensorDelays,
     SensorErrors,
     Trust,
@@ -30,7 +33,11 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.maths.quaternion import conjugate, exp, log, multiply, normalize, rotate
+from h2nav.attitude.velocity_aided.batch import PreparedSamples, trust_of
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.maths import columns
+from h2nav.maths.columns import Quats, each, larger
+from h2nav.maths.quaternion import conjugate, multiply, rotate
 
 # After a longer gap the attitude is unknown: the parts before and after are smoothed separately.
 LONGEST_GAP_US = 1_000_000
@@ -48,11 +55,13 @@ REFERENCED_US = 1_000_000
 
 # Of arithmetic: the root of a negative variance is a ValueError.
 _FAILURES = (ArithmeticError, ValueError)
-# As numbers: an operation on an IntFlag costs more than the rest of a test.
+# As numbers, for columns.
 _CONVERGED, _RESTARTED = int(Trust.CONVERGED), int(Trust.RESTARTED)
 _REFERENCED, _REST = int(Trust.YAW_REFERENCED), int(Trust.REST)
 _KNOWN_BY_EITHER = _CONVERGED | _REFERENCED
 
+# (N,) predicted deviations, rad, and (N,) whether they are known.
+_Deviation = tuple[Floats, Mask]
 FilterMaker = Callable[[], AttitudeFilter]
 Record = VehicleState | EarthField | SensorDelays | VelocityFix
 
@@ -65,8 +74,57 @@ class Given(NamedTuple):
         inputs: in order, with the number of the sample that each record precedes.
     """
 
-    samples: Sequence[ImuSample]
+    samples: BatchSamples
     inputs: Sequence[tuple[int, Record]]
+
+
+class Smoothed(NamedTuple):
+    """The smoothed attitudes of a stretch, one row per sample; NaN where there is none.
+
+    Attributes:
+        t_us: (N,) time of the sample.
+        q_nb: (4, N) attitude, body to NED, scalar first.
+        w_b: (3, N) angular rate corrected for bias, rad/s.
+        bias_b: (3, N) gyro bias, rad/s.
+        sigma_tilt_rad: (N,) predicted deviation of the tilt; also NaN where it is unknown.
+        sigma_heading_rad: (N,) of the heading; the same.
+        trust: (N,) `Trust` as numbers.
+        is_known: (N,) whether there is an attitude.
+    """
+
+    t_us: Integers
+    q_nb: Floats
+    w_b: Floats
+    bias_b: Floats
+    sigma_tilt_rad: Floats
+    sigma_heading_rad: Floats
+    trust: Integers
+    is_known: Mask
+
+    def at(self, rows: Integers | Mask | slice) -> "Smoothed":
+        """The rows of some samples."""
+        return tuple.__new__(Smoothed, (column[..., rows] for column in self))
+
+    def estimates(self) -> Iterator[AttitudeEstimate | None]:
+        """The attitudes one by one, without an innovation."""
+        numbers = np.vstack((self.q_nb, self.w_b, self.bias_b)).T.tolist()
+        sigmas = np.stack((self.sigma_tilt_rad, self.sigma_heading_rad), axis=1).tolist()
+        rows = zip(self.is_known.tolist(), self.t_us.tolist(), self.trust.tolist(), strict=True)
+        for (is_known, t_us, trust), found, (tilt, heading) in zip(
+            rows, numbers, sigmas, strict=True
+        ):
+            a, b, c, d, p, q, r, x, y, z = found
+            yield (
+                AttitudeEstimate(
+                    *(t_us, (a, b, c, d), (p, q, r), (x, y, z), _NO_INNOVATION),
+                    *(tilt, TRUST_OF[trust], heading),
+                )
+                if is_known
+                else None
+            )
+
+
+_NO_INNOVATION = (math.nan, math.nan, math.nan)
 
 
 @runtime_checkable
@@ -89,22 +147,37 @@ class KnowsSensors(Protocol):
         """
 
 
+Condition = TypeVar("Condition")
+Conditions = list[tuple[int, Condition]]
+
+
 class _Piece(NamedTuple):
-    """Samples without a long gap, and the conditions at each.
+    """Samples without a long gap, with the conditions and the number of the sample of each.
 
     Attributes:
         samples: in the run's order.
-        vehicles: the vehicle's state at each.
-        fields: the earth field at each; None if unknown.
-        delays: of the sensors at each; None if not given.
+        vehicles: states of the vehicle, each until the next one.
+        fields: earth fields; none before the first.
+        delays: of the sensors, the same.
         fixes: velocities with the number of the sample that each precedes.
     """
 
-    samples: list[ImuSample]
-    vehicles: list[VehicleState]
-    fields: list[EarthField | None]
-    delays: list[SensorDelays | None]
-    fixes: list[tuple[int, VelocityFix]]
+    samples: BatchSamples
+    vehicles: Conditions[VehicleState]
+    fields: Conditions[EarthField]
+    delays: Conditions[SensorDelays]
+    fixes: Conditions[VelocityFix]
+
+    @property
+    def inputs(self) -> Conditions[Record]:
+        """All of them in the order in which a filter takes them."""
+        found: Conditions[Record] = [
+            *_changes(self.vehicles),
+            *_changes(self.fields),
+            *_changes(self.delays),
+            *self.fixes,
+        ]
+        return sorted(found, key=lambda one: one[0])
 
 
 class _Learnt(NamedTuple):
@@ -119,117 +192,36 @@ class _Learnt(NamedTuple):
     errors: SensorErrors | None = None
 
 
-class _Known(NamedTuple):
-    """A run's result for one sample.
+class _Run(NamedTuple):
+    """A run's results, one row per sample in the order of the samples' own times.
 
     Attributes:
-        estimate: in forward time.
-        is_referenced: the heading is tied to north.
+        found: its attitudes.
+        is_referenced: (N,) the heading is tied to north.
     """
 
-    estimate: AttitudeEstimate
-    is_referenced: bool
+    found: Smoothed
+    is_referenced: Mask
+
+    def at(self, rows: Integers) -> "_Run":
+        """The rows of some samples."""
+        return _Run(self.found.at(rows), self.is_referenced[rows])
 
 
-class _BiasRun:
-    """The gyro's bias as shown by a run.
-
-    Gravity shows the bias that turns the vertical; a heading tied to north, or rest, shows the part
-    about it. Without either that part keeps its value from before the run.
-
-    Args:
-        bias_b: before the run, rad/s.
-
-    Source: docs/filter.md Eq. (70).
-    """
-
-    def __init__(self, bias_b: Vec3) -> None:
-        self._before_b = self._last_b = bias_b
-        self._is_shown = False
-        self._count = 0
-        self._down_b = (0.0, 0.0, 0.0)
-
-    def add(self, known: _Known | None) -> None:
-        """Adds the run's result for its next sample."""
-        if known is None:
-            return
-        _, (w, x, y, z), _, self._last_b, _, _, trust, _ = known.estimate
-        self._is_shown = self._is_shown or known.is_referenced or bool(int(trust) & _REST)
-        self._count += 1
-        a, b, c = self._down_b
-        self._down_b = (
-            a + 2.0 * (x * z - w * y),
-            b + 2.0 * (y * z + w * x),
-            c + w * w - x * x - y * y + z * z,
-        )
-
-    @property
-    def shown_b(self) -> Vec3:
-        """The bias at the end of the run as far as it was observed, rad/s."""
-        if self._is_shown or self._count == 0:
-            return self._last_b
-        # Shorter than 1 if the vehicle has tilted: no axis was vertical throughout.
-        x, y, z = (part / self._count for part in self._down_b)
-        p, q, r = _less(self._last_b, self._before_b)
-        hidden = p * x + q * y + r * z
-        return _less(self._last_b, (hidden * x, hidden * y, hidden * z))
-
-
-class _Backward:
-    """The backward run's results, packed: a long flight has millions of samples."""
-
-    _ROW = struct.Struct("<q15dH2?")
-    _NOTHING = bytes(_ROW.size)
-
-    def __init__(self) -> None:
-        self._rows = bytearray()
-
-    def add(self, known: _Known | None) -> None:
-        """Adds the result for the sample before that of the last call."""
-        if known is None:
-            self._rows += self._NOTHING
-            return
-        t_us, q_nb, w_b, bias_b, innovation_n, sigma_tilt, trust, sigma_heading = known.estimate
-        self._rows += self._ROW.pack(
-            t_us, *q_nb, *w_b, *bias_b, *innovation_n, sigma_tilt, sigma_heading,
-            trust, known.is_referenced, True,
-        )  # fmt: skip
-
-    def in_order(self) -> Iterator[_Known | None]:
-        """Yields the result for each sample, from the first one on."""
-        size = self._ROW.size
-        for place in range(len(self._rows) - size, -1, -size):
-            t_us, *values, trust, is_referenced, is_known = self._ROW.unpack_from(self._rows, place)
-            if not is_known:
-                yield None
-                continue
-            a, b, c, d, p, q, r, x, y, z, u, v, w, sigma_tilt, sigma_heading = values
-            # Bypasses the constructors, here and below, which would double the cost.
-            estimate = tuple.__new__(
-                AttitudeEstimate,
-                (
-                    *(t_us, (a, b, c, d), (p, q, r), (x, y, z), (u, v, w)),
-                    *(sigma_tilt, TRUST_OF[trust], sigma_heading),
-                ),
-            )
-            yield tuple.__new__(_Known, (estimate, is_referenced))
-
-
-def smooth(stretches: Sequence[Given], make: FilterMaker) -> list[list[AttitudeEstimate | None]]:
-    """The results of `smoothed`, by stretch."""
-    found = smoothed(stretches, make)
-    return [list(itertools.islice(found, len(given.samples))) for given in stretches]
+def smooth(stretches: Iterable[Given], make: FilterMaker) -> list[Smoothed]:
+    """The results of `smoothed`."""
+    return list(smoothed(stretches, make))
 
 
 def smoothed(
     stretches: Iterable[Given],
     make: FilterMaker,
     left_out: Callable[[int], object] = lambda count: None,
-) -> Iterator[AttitudeEstimate | None]:
-    """Yields the smoothed estimate of every sample of every stretch.
+) -> Iterator[Smoothed]:
+    """Yields the smoothed attitudes of every stretch.
 
-    It is None where neither direction has an estimate: in stretches too short to align in, and in
-    pieces whose arithmetic fails. The heading is the forward run's unless the backward run's is
+    There is none where neither direction has an estimate: in stretches too short to align in, and
+    in pieces whose arithmetic fails. The heading is the forward run's unless the backward run's is
     tied to north. As in the service, the attitudes are propagated by the given delay of the rates.
 
     Args:
@@ -243,48 +235,50 @@ def smoothed(
     learnt = _Learnt()
     for given in stretches:
         first.restart()
+        found = [_empty(given.samples.t_us[:0])]
         for piece in _pieces(given):
-            count = len(piece.samples)
-            done = 0
             try:
                 learnt = _learnt_from(first, piece, learnt)
-                for estimate in _extrapolated(_smooth_piece(piece, make, learnt), piece.delays):
-                    done += 1
-                    yield estimate
+                found.append(_extrapolated(_smooth_piece(piece, make, learnt), piece.delays))
             except _FAILURES:
                 first = make()
-                left_out(count - done)
-                yield from itertools.repeat(None, count - done)
+                left_out(len(piece.samples.t_us))
+                found.append(_empty(piece.samples.t_us))
+        parts = zip(*found, strict=True)
+        yield tuple.__new__(Smoothed, (np.concatenate(each, axis=-1) for each in parts))
+
+
+def _empty(t_us: Integers) -> Smoothed:
+    """No attitudes at these times."""
+    count = len(t_us)
+    q_nb, w_b, bias_b = (np.full((size, count), math.nan) for size in (4, 3, 3))
+    tilt, heading = np.full(count, math.nan), np.full(count, math.nan)
+    trust, is_known = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    return Smoothed(t_us, q_nb, w_b, bias_b, tilt, heading, trust, is_known)
 
 
 def _learnt_from(first: AttitudeFilter, piece: _Piece, learnt: _Learnt) -> _Learnt:
     """What the first run shows."""
-    ahead = _BiasRun(learnt.bias_b)
-    for known in _known(_run(first, piece)):
-        ahead.add(known)
+    found = _run(first, piece)
+    bias_b = _shown(_Run(found, _is_referenced(found)), learnt.bias_b)
     errors = first.sensor_errors if isinstance(first, KnowsSensors) else learnt.errors
-    return _Learnt(ahead.shown_b, errors)
+    return _Learnt(bias_b, errors)
 
 
-def _smooth_piece(
-    piece: _Piece, make: FilterMaker, learnt: _Learnt
-) -> Iterator[AttitudeEstimate | None]:
+def _smooth_piece(piece: _Piece, make: FilterMaker, learnt: _Learnt) -> Smoothed:
     """The second and the third run, combined."""
-    placed = piece._replace(
-        fields=_known_from_the_start(piece.fields), delays=[None] * len(piece.delays)
-    )
+    samples = piece.samples
+    placed = piece._replace(fields=_known_from_the_start(piece.fields), delays=[])
     chosen = _prepared(make, piece, learnt)
-    run = _run(chosen, _reversed(_without(placed, learnt)))
-    backward, back = _Backward(), _BiasRun(learnt.bias_b)
-    for known in _known(_of_samples(run, reversed(piece.samples), learnt.bias_b, -1.0)):
-        backward.add(known)
-        back.add(known)
-    learnt = learnt._replace(bias_b=back.shown_b)
+    turned = _run(chosen, _reversed(_without(placed, learnt))).at(slice(None, None, -1))
+    found = _of_samples(turned, samples, learnt.bias_b, -1.0)
+    backward = _Run(found, _is_referenced(found, is_backward=True))
+    learnt = learnt._replace(bias_b=_shown(backward, learnt.bias_b, is_backward=True))
     if learnt.errors is not None and isinstance(chosen, KnowsSensors):
         learnt = learnt._replace(errors=_both(learnt.errors, chosen.sensor_errors))
-    run = _run(_prepared(make, piece, learnt), _without(placed, learnt))
-    forward = _of_samples(run, piece.samples, learnt.bias_b, 1.0)
-    return _combined(_known(forward), backward.in_order())
+    found = _run(_prepared(make, piece, learnt), _without(placed, learnt))
+    found = _of_samples(found, samples, learnt.bias_b, 1.0)
+    return _combined(_Run(found, _is_referenced(found)), backward)
 
 
 def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilter:
@@ -295,8 +289,8 @@ def _prepared(make: FilterMaker, piece: _Piece, learnt: _Learnt) -> AttitudeFilt
     """
     chosen = make()
     if learnt.errors is not None and isinstance(chosen, KnowsSensors):
-        walked_s = (piece.samples[-1].t_us - piece.samples[0].t_us) * 1e-6
-        chosen.know_sensors(learnt.errors, walked_s)
+        first_us, last_us = piece.samples.t_us[[0, -1]].tolist()
+        chosen.know_sensors(learnt.errors, (last_us - first_us) * 1e-6)
     return chosen
 
 
@@ -313,66 +307,151 @@ def _both(errors: SensorErrors, more: SensorErrors) -> SensorErrors:
     )
 
 
-def _extrapolated(
-    estimates: Iterable[AttitudeEstimate | None], delays: list[SensorDelays | None]
-) -> Iterator[AttitudeEstimate | None]:
+def _shown(run: _Run, before_b: Vec3, *, is_backward: bool = False) -> Vec3:
+    """The gyro's bias at the end of a run as far as it was observed, rad/s.
+
+    Gravity shows the bias that turns the vertical; a heading tied to north, or rest, shows the part
+    about it. Without either that part keeps its value from before the run.
+
+    Args:
+        run: its results.
+        before_b: bias before the run, rad/s.
+        is_backward: it ended with the first sample.
+
+    Source: docs/filter.md Eq. (70).
+    """
+    rows = np.flatnonzero(run.found.is_known)[:: -1 if is_backward else 1]
+    if not len(rows):
+        return before_b
+    x, y, z = run.found.bias_b[:, rows[-1]].tolist()
+    rests = (run.found.trust[rows] & _REST) > 0
+    if rests.any() or run.is_referenced[rows].any():
+        return x, y, z
+    w, a, b, c = run.found.q_nb[:, rows]
+    # Shorter than 1 if the vehicle has tilted: no axis was vertical throughout.
+    down_b = (
+        2.0 * (a * c - w * b),
+        2.0 * (b * c + w * a),
+        np.stack((w * w, -(a * a), -(b * b), c * c), axis=1).ravel(),
+    )
+    # Added one by one, in the order of the run.
+    north, east, down = (float(np.cumsum(part)[-1]) / len(rows) for part in down_b)
+    p, q, r = x - before_b[0], y - before_b[1], z - before_b[2]
+    hidden = p * north + q * east + r * down
+    return x - hidden * north, y - hidden * east, z - hidden * down
+
+
+def _extrapolated(found: Smoothed, delays: Conditions[SensorDelays]) -> Smoothed:
     """The attitudes at their nominal times. Source: docs/filter.md Eq. (42)."""
-    for estimate, late in zip(estimates, delays, strict=True):
-        yield estimate if estimate is None or late is None else extrapolated(estimate, late.gyro_s)
+    ends = [row for row, _ in delays[1:]]
+    for (first, late), stop in zip(delays, [*ends, len(found.t_us)], strict=False):
+        if late.gyro_s != 0.0:
+            rows = first + np.flatnonzero(found.is_known[first:stop])
+            x, y, z = found.w_b[:, rows] * late.gyro_s
+            led = multiply(_quats(found.at(rows)), columns.exp((x, y, z)))
+            found.q_nb[:, rows] = columns.normalize(led)
+    return found
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:
     """A stretch, cut at its gaps; conditions from before a gap hold after it."""
-    samples, inputs = given.samples, iter(given.inputs)
+    t_us = given.samples.t_us
+    inputs = iter(given.inputs)
     following = next(inputs, None)
-    vehicle, field, delays = VehicleState(), None, None
-    piece = _Piece([], [], [], [], [])
-    for row, sample in enumerate(samples):
-        if piece.samples and sample.t_us - piece.samples[-1].t_us > LONGEST_GAP_US:
-            yield piece
-            piece = _Piece([], [], [], [], [])
-        while following is not None and following[0] <= row:
-            what = following[1]
+    vehicles: Conditions[VehicleState] = [(0, VehicleState())]
+    fields: Conditions[EarthField] = []
+    delays: Conditions[SensorDelays] = []
+    starts = [0, *(1 + np.flatnonzero(np.diff(t_us) > LONGEST_GAP_US)).tolist()]
+    for start, stop in zip(starts, [*starts[1:], len(t_us)], strict=True):
+        if start == stop:
+            return
+        vehicles, fields, delays = _held(vehicles), _held(fields), _held(delays)
+        fixes: Conditions[VelocityFix] = []
+        row = 0
+        while following is not None and following[0] < stop:
+            row, what = max(row, following[0] - start), following[1]
             if isinstance(what, VelocityFix):
-                piece.fixes.append((len(piece.samples), what))
+                fixes.append((row, what))
             elif isinstance(what, EarthField):
-                field = what
+                fields.append((row, what))
             elif isinstance(what, SensorDelays):
-                delays = what
+                delays.append((row, what))
             else:
-                vehicle = what
+                vehicles.append((row, what))
             following = next(inputs, None)
-        piece.samples.append(sample)
-        piece.vehicles.append(vehicle)
-        piece.fields.append(field)
-        piece.delays.append(delays)
-    if piece.samples:
-        yield piece
+        yield _Piece(given.samples.part(start, stop), vehicles, fields, delays, fixes)
 
 
-def _run(chosen: AttitudeFilter, piece: _Piece) -> Iterator[AttitudeEstimate | None]:
-    """Runs a filter over a piece, passing on conditions when they change."""
-    vehicle: VehicleState | None = None
-    field: EarthField | None = None
-    delays: SensorDelays | None = None
-    fixes = iter(piece.fixes)
-    coming = next(fixes, None)
-    # Conditions are mostly the same record as before.
-    each = enumerate(zip(piece.samples, piece.vehicles, piece.fields, piece.delays, strict=True))
-    for row, (sample, now, known, late) in each:
-        if now is not vehicle and now != vehicle:
-            vehicle = now
-            pass_on(chosen, vehicle)
-        if known is not None and known is not field and known != field:
-            field = known
-            pass_on(chosen, field)
-        if late is not None and late is not delays and late != delays:
-            delays = late
-            pass_on(chosen, delays)
-        while coming is not None and coming[0] <= row:
-            chosen.use_velocity(coming[1])
-            coming = next(fixes, None)
-        yield _update(chosen, sample)
+def _held(conditions: Conditions[Condition]) -> Conditions[Condition]:
+    """What still holds at the beginning of the next piece."""
+    return [(0, what) for _, what in conditions[-1:]]
+
+
+def _changes(conditions: Conditions[Condition]) -> Conditions[Condition]:
+    """The last one of each row, if it differs from that before."""
+    found: Conditions[Condition] = []
+    ends = [row for row, _ in conditions[1:]]
+    for (row, what), end in itertools.zip_longest(conditions, ends):
+        if row != end and (not found or found[-1][1] != what):
+            found.append((row, what))
+    return found
+
+
+def _run(chosen: AttitudeFilter, piece: _Piece) -> Smoothed:
+    """A run's results; its rates where those of the samples are not used."""
+    step = compiled_step(VELOCITY_AIDED)
+    # Filters of another kind, or in Python, are called sample by sample.
+    if step is None or type(chosen) is not VelocityAidedFilter or not is_in_c(chosen.kernel_state):
+        return _told(chosen, piece, None)
+    before = chosen.state()
+    prepared = PreparedSamples(step, chosen, piece.samples)
+    found, taken = _told(chosen, piece, prepared.run), prepared.results[prepared.are_taken].T
+    if not np.isfinite(taken[:4]).all():
+        chosen.restore(before)
+        return _told(chosen, piece, None)
+    found.q_nb[:, prepared.are_taken] = taken[:4]
+    found.bias_b[:, prepared.are_taken] = taken[4:7]
+    found.trust[prepared.are_taken] = trust_of(taken[7])
+    found.sigma_tilt_rad[prepared.are_taken] = taken[8]
+    found.sigma_heading_rad[prepared.are_taken] = taken[9]
+    found.is_known[prepared.are_taken] = True
+    return found
+
+
+def _told(chosen: AttitudeFilter, piece: _Piece, run: Callable[[int, int], int] | None) -> Smoothed:
+    """Passes samples and inputs to a filter in order; the results of its own interface.
+
+    Args:
+        run: passes samples from one on, at most to another, in another way; returns the end of
+            these, and the filter has to take the next one itself. None: it takes all.
+    """
+    samples, count = piece.samples, len(piece.samples.t_us)
+    found: list[tuple[int, AttitudeEstimate]] = []
+    first = 0
+    for row, what in (*piece.inputs, (count, None)):
+        stop = min(row, count)
+        while first < stop:
+            begun = first if run is None else run(first, stop)
+            first = stop if run is None else min(begun + 1, stop)
+            for number, sample in enumerate(samples.part(begun, first).records(), begun):
+                estimate = _update(chosen, sample)
+                if estimate is not None:
+                    found.append((number, estimate))
+        if what is not None and row < count:
+            pass_on(chosen, what)
+    return _in_columns(samples.t_us, found)
+
+
+def _in_columns(t_us: Integers, found: Sequence[tuple[int, AttitudeEstimate]]) -> Smoothed:
+    """Estimates of some samples."""
+    result, rows = _empty(t_us), [row for row, _ in found]
+    if rows:
+        _, q_nb, w_b, bias_b, _, tilt, trust, heading = zip(*(one for _, one in found), strict=True)
+        result.q_nb[:, rows], result.w_b[:, rows] = np.array(q_nb).T, np.array(w_b).T
+        result.bias_b[:, rows], result.trust[rows] = np.array(bias_b).T, np.array(trust, np.int64)
+        result.sigma_tilt_rad[rows], result.sigma_heading_rad[rows] = tilt, heading
+        result.is_known[rows] = True
+    return result
 
 
 def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
@@ -388,10 +467,9 @@ def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | Non
     return None
 
 
-def _known_from_the_start(fields: list[EarthField | None]) -> list[EarthField | None]:
+def _known_from_the_start(fields: Conditions[EarthField]) -> Conditions[EarthField]:
     """Extends the first known earth field to the samples before it."""
-    first = next((field for field in fields if field is not None), None)
-    return [first if field is None else field for field in fields]
+    return [(0, field) for _, field in fields[:1]] + fields[1:]
 
 
 def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
@@ -399,55 +477,49 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
 
     Source: docs/filter.md Eq. (50).
     """
-    if learnt.errors is None:
-        samples = [
-            tuple.__new__(ImuSample, (t_us, _less(w_b, learnt.bias_b), f_b, m_b_ut, clipped))
-            for t_us, w_b, f_b, m_b_ut, clipped in piece.samples
-        ]
-        return piece._replace(samples=samples)
-    errors = learnt.errors
-    samples = []
-    held: Vec3 | None = None
-    for t_us, rate_b, force_b, field_b, clipped in piece.samples:
-        w_b = _less(rate_b, learnt.bias_b)
-        m_b_ut = None if field_b == held else field_b
-        if field_b is not None:
-            held = field_b
-        if m_b_ut is not None:
-            m_b_ut = _timely(m_b_ut, w_b, errors.field_latency_s)
-        f_b = _without_bias(force_b, errors.force_bias_b)
-        samples.append(tuple.__new__(ImuSample, (t_us, w_b, f_b, m_b_ut, clipped)))
+    samples, errors = piece.samples, learnt.errors
+    w_b = samples.gyr - learnt.bias_b
+    if errors is None:
+        return piece._replace(samples=samples._replace(gyr=w_b))
+    # A force of exactly zero is no measurement, and stays.
+    is_force = (samples.acc != 0.0).any(axis=1)[:, None]
+    f_b = np.where(is_force, samples.acc - errors.force_bias_b, samples.acc)
+    is_new, m_b_ut = samples.has_field.copy(), samples.mag.copy()
+    rows = np.flatnonzero(is_new)
+    fields = m_b_ut[rows]
+    is_new[rows[1:]] = (fields[1:] != fields[:-1]).any(axis=1)
+    rows = np.flatnonzero(is_new)
+    m_b_ut[rows] = _timely(m_b_ut[rows], w_b[rows], errors.field_latency_s)
     late_us = round(errors.fix_latency_s * 1e6)
     fixes = (fix._replace(t_us=fix.t_us - late_us) for _, fix in piece.fixes)
-    return piece._replace(samples=samples, fixes=_placed(fixes, samples))
+    return piece._replace(
+        samples=samples._replace(gyr=w_b, acc=f_b, mag=m_b_ut, has_field=is_new),
+        fixes=_placed(fixes, samples.t_us),
+    )
 
 
-def _without_bias(f_b: Vec3, bias_b: Vec3) -> Vec3:
-    """Removes the bias; a force of exactly zero is no measurement, and stays."""
-    return _less(f_b, bias_b) if any(f_b) else f_b
+def _timely(m_b_ut: Floats, w_b: Floats, late_s: float) -> Floats:
+    """(N, 3) fields at the times of the samples that carried them."""
+    # No sensor has a rate of half a turn within the delay.
+    with np.errstate(invalid="ignore"):
+        is_slow = late_s * each(math.hypot, *w_b.T) < math.pi
+    x, y, z = w_b[is_slow].T
+    (a, b, c), turn = m_b_ut[is_slow].T, columns.exp((-late_s * x, -late_s * y, -late_s * z))
+    m_b_ut[is_slow] = np.stack(rotate(turn, (a, b, c)), axis=1)
+    return m_b_ut
 
 
-def _timely(m_b_ut: Vec3, w_b: Vec3, late_s: float) -> Vec3:
-    """The field at the time of the sample that carried it."""
-    x, y, z = w_b
-    if not late_s * math.hypot(x, y, z) < math.pi:
-        return m_b_ut  # no sensor has such a rate
-    return rotate(exp((-late_s * x, -late_s * y, -late_s * z)), m_b_ut)
-
-
-def _placed(
-    fixes: Iterable[VelocityFix], samples: Sequence[ImuSample]
-) -> list[tuple[int, VelocityFix]]:
+def _placed(fixes: Iterable[VelocityFix], t_us: Integers) -> Conditions[VelocityFix]:
     """Fixes in the order of their times, each with the number of the sample that it precedes."""
-    times_us = [sample.t_us for sample in samples]
+    times_us = t_us.tolist()
     return [
-        (bisect.bisect_left(times_us, fix.t_us + FIX_DELAY_US) + 1, fix)
+        (bisect_left(times_us, fix.t_us + FIX_DELAY_US) + 1, fix)
         for fix in sorted(fixes, key=lambda fix: fix.t_us)
     ]
 
 
 def _reversed(piece: _Piece) -> _Piece:
-    """A piece without biases and latencies with time reversed; it is consumed.
+    """A piece without biases and latencies with time reversed.
 
     Its times are mirrored about their middle. A rate is the mean since the previous sample;
     reversed it leads to that one. Forces, fields and the earth stay as they are. Velocities change
@@ -455,148 +527,125 @@ def _reversed(piece: _Piece) -> _Piece:
 
     Source: docs/filter.md Eq. (52), (53).
     """
-    samples = piece.samples
-    ends_us = samples[0].t_us + samples[-1].t_us
-    turned, later = [], samples[-1]
-    while samples:  # consumed, because there are millions of them
-        sample = samples.pop()
-        t_us, _, f_b, m_b_ut, clipped = sample
-        _, (x, y, z), _, _, later_clipped = later
-        clipped = clipped or later_clipped
-        turned.append(
-            tuple.__new__(ImuSample, (ends_us - t_us, (-x, -y, -z), f_b, m_b_ut, clipped))
-        )
-        later = sample
+    samples = piece.samples.part(None, None, -1)
+    ends_us = int(samples.t_us[0] + samples.t_us[-1])
+    late = np.concatenate((samples.gyr[:1], samples.gyr[:-1]))
+    are_clipped = samples.clipped.copy()
+    are_clipped[1:] |= samples.clipped[:-1]
+    turned = samples._replace(t_us=ends_us - samples.t_us, gyr=-late, clipped=are_clipped)
     fixes = []
     for _, fix in piece.fixes:
         north, east, down = fix.v_n
         fixes.append(fix._replace(t_us=ends_us - fix.t_us, v_n=(-north, -east, -down)))
-    return _Piece(
-        turned,
-        _backward(piece.vehicles),
-        piece.fields[::-1],
-        piece.delays[::-1],
-        _placed(fixes, turned),
-    )
+    count = len(samples.t_us)
+    vehicles = [
+        (row, what._replace(is_backward=True)) for row, what in _turned(piece.vehicles, count)
+    ]
+    fields, delays = _turned(piece.fields, count), _turned(piece.delays, count)
+    return _Piece(turned, vehicles, fields, delays, _placed(fixes, turned.t_us))
 
 
-def _backward(vehicles: Sequence[VehicleState]) -> list[VehicleState]:
-    """The vehicle's states in reversed time; one record as long as one holds."""
-    turned: list[VehicleState] = []
-    for vehicle, group in itertools.groupby(reversed(vehicles)):
-        turned += [vehicle._replace(is_backward=True)] * len(list(group))
-    return turned
+def _turned(conditions: Conditions[Condition], count: int) -> Conditions[Condition]:
+    """Conditions in reversed time: each begins where it ended."""
+    ends = [*(row for row, _ in conditions[1:]), count]
+    found = [(count - end, what) for (_, what), end in zip(conditions, ends, strict=False)]
+    return found[::-1]
 
 
-def _of_samples(
-    run: Iterable[AttitudeEstimate | None],
-    samples: Iterable[ImuSample],
-    bias_b: Vec3,
-    direction: float,
-) -> Iterator[AttitudeEstimate | None]:
-    """Converts a run's estimates to estimates of the original samples.
+def _of_samples(found: Smoothed, samples: BatchSamples, bias_b: Vec3, direction: float) -> Smoothed:
+    """Converts a run's results to those of the original samples.
 
     Args:
-        run: in its own order.
-        samples: with their own times and rates, in the run's order.
+        found: in the order of the samples.
+        samples: with their own times and rates.
         bias_b: removed from the run's rates, rad/s.
         direction: of the run's time: 1 forward, -1 backward.
     """
-    a, b, c = bias_b
-    for sample, estimate in zip(samples, run, strict=True):
-        if estimate is None:
-            yield None
-            continue
-        _, q_nb, rate_b, (u, v, w), innovation_n, sigma_tilt, trust, sigma_heading = estimate
-        bias = x, y, z = a + direction * u, b + direction * v, c + direction * w
-        p, q, r = sample.w_b
-        w_b = w_x, w_y, w_z = p - x, q - y, r - z
-        if not math.isfinite(abs(w_x) + abs(w_y) + abs(w_z)):
-            p, q, r = rate_b
-            w_b = direction * p, direction * q, direction * r
-        numbers = sample.t_us, q_nb, w_b, bias, innovation_n, sigma_tilt, trust, sigma_heading
-        yield tuple.__new__(AttitudeEstimate, numbers)
+    bias = np.array(bias_b)[:, None] + direction * found.bias_b
+    w_b = samples.gyr.T - bias
+    is_used = np.isfinite(np.abs(w_b[0]) + np.abs(w_b[1]) + np.abs(w_b[2]))
+    w_b = np.where(is_used, w_b, direction * found.w_b)
+    return found._replace(t_us=samples.t_us, w_b=w_b, bias_b=bias)
 
 
-def _known(estimates: Iterable[AttitudeEstimate | None]) -> Iterator[_Known | None]:
-    """Adds whether the heading of each is tied to north; in the order of the run."""
-    at_us: int | None = None
-    for estimate in estimates:
-        if estimate is None:
-            yield None
-            continue
-        t_us = estimate.t_us
-        if int(estimate.trust) & _REFERENCED:
-            at_us = t_us
-        is_referenced = at_us is not None and abs(t_us - at_us) < REFERENCED_US
-        yield tuple.__new__(_Known, (estimate, is_referenced))
+def _is_referenced(found: Smoothed, *, is_backward: bool = False) -> Mask:
+    """(N,) whether the heading of each is tied to north, at present or a moment ago in the run."""
+    result = np.zeros(len(found.t_us), np.bool_)
+    rows = np.flatnonzero(found.is_known)[:: -1 if is_backward else 1]
+    says_so = (found.trust[rows] & _REFERENCED) > 0
+    latest = np.maximum.accumulate(np.where(says_so, np.arange(len(rows)), -1))
+    t_us = found.t_us[rows]
+    result[rows] = (latest >= 0) & (np.abs(t_us - t_us[latest]) < REFERENCED_US)
+    return result
 
 
-def _combined(
-    forward: Iterable[_Known | None], backward: Iterable[_Known | None]
-) -> Iterator[AttitudeEstimate | None]:
+def _combined(forward: _Run, backward: _Run) -> Smoothed:
     """Combines both runs; where one has no estimate, the other alone."""
-    before: list[AttitudeEstimate | None] = []
-    waiting = True  # for the forward run's first estimate
-    for ahead, back in zip(forward, backward, strict=True):
-        if ahead is None or back is None:
-            alone = ahead or back
-            found = None if alone is None else alone.estimate
-        else:
-            found = _mean(ahead, back)
-            if waiting:
-                _turn_all(before, found, back)
-        waiting = waiting and ahead is None
-        before.append(found)
-        if not waiting:
-            yield from before
-            before.clear()
-    yield from before
+    ahead, back = forward.found, backward.found
+    parts = zip(ahead, back, strict=True)
+    chosen = (np.where(ahead.is_known, one, other) for one, other in parts)
+    found: Smoothed = tuple.__new__(Smoothed, chosen)
+    both = np.flatnonzero(ahead.is_known & back.is_known)
+    mean = _mean(forward.at(both), backward.at(both))
+    for whole, part in zip(found, mean, strict=True):
+        whole[..., both] = part
+    begun = np.flatnonzero(ahead.is_known)[:1]
+    if len(begun) and back.is_known[begun[0]] and not backward.is_referenced[begun[0]]:
+        _turn_all(found, back, int(begun[0]))
+    return found._replace(is_known=ahead.is_known | back.is_known)
 
 
-def _turn_all(alone: list[AttitudeEstimate | None], both: AttitudeEstimate, back: _Known) -> None:
-    """Turns the backward run's estimates before the forward run's first to its heading.
+def _turn_all(found: Smoothed, back: Smoothed, begun: int) -> None:
+    """Turns the backward run's attitudes before the forward run's first to its heading.
 
     In the backward run alone, a heading not tied to north is arbitrary.
     """
-    if back.is_referenced:
-        return
-    angle, _, _ = _apart(back.estimate.q_nb, both.q_nb)
-    turn = exp((0.0, 0.0, angle))
-    for row, estimate in enumerate(alone):
-        if estimate is not None:
-            alone[row] = estimate._replace(q_nb=multiply(turn, estimate.q_nb))
+    first = slice(begun, begun + 1)
+    angle, none, _ = _apart(_quats(back.at(first)), _quats(found.at(first)))
+    turn = columns.exp((0.0 * none, 0.0 * none, angle))
+    found.q_nb[:, :begun] = multiply(turn, _quats(found.at(slice(begun))))
 
 
-def _mean(ahead: _Known, back: _Known) -> AttitudeEstimate:
-    """The weighted mean of two estimates of one sample.
+def _mean(ahead: _Run, back: _Run) -> Smoothed:
+    """The weighted mean of two results of the same samples.
 
     Source: docs/filter.md Eq. (54) - (56).
     """
-    f, b = ahead.estimate, back.estimate
-    heading, north, east = _apart(f.q_nb, b.q_nb)
-    ahead_tilt = (f.sigma_tilt_rad, _knows_tilt(f))
-    back_tilt = (b.sigma_tilt_rad, _knows_tilt(b))
-    tilt_share, tilt_sigma = _share(ahead_tilt, back_tilt, math.hypot(north, east))
+    f, b = ahead.found, back.found
+    q = _quats(f)
+    heading, north, east = _apart(q, _quats(b))
+    ahead_tilt, back_tilt = (f.sigma_tilt_rad, _knows_tilt(f)), (b.sigma_tilt_rad, _knows_tilt(b))
+    apart = each(math.hypot, north, east)
+    tilt_share, tilt_sigma = _share(ahead_tilt, back_tilt, apart)
     heading_share, heading_sigma = _share(
         (f.sigma_heading_rad, ahead.is_referenced),
         (b.sigma_heading_rad, back.is_referenced),
         heading,
     )
-    if _is_broken(ahead_tilt, back_tilt, math.hypot(north, east)):
-        # What comes later is not carried across a break; the deviations keep both.
-        tilt_share = heading_share = 0.0
-    tilted = multiply(exp((tilt_share * north, tilt_share * east, 0.0)), f.q_nb)
-    q_nb = normalize(multiply(exp((0.0, 0.0, heading_share * heading)), tilted))
-    trust = TRUST_OF[int(f.trust) | (int(b.trust) & _KNOWN_BY_EITHER)]
-    return tuple.__new__(
-        AttitudeEstimate,
-        (f.t_us, q_nb, f.w_b, f.bias_b, f.innovation_n, tilt_sigma, trust, heading_sigma),
+    # What comes later is not carried across a break; the deviations keep both.
+    is_broken = _is_broken(ahead_tilt, back_tilt, apart)
+    tilt_share, heading_share = (
+        np.where(is_broken, 0.0, share) for share in (tilt_share, heading_share)
+    )
+    none = np.zeros(len(f.t_us))
+    tilted = multiply(columns.exp((tilt_share * north, tilt_share * east, none)), q)
+    turn = columns.exp((none, none, heading_share * heading))
+    return f._replace(
+        q_nb=np.stack(columns.normalize(multiply(turn, tilted))),
+        sigma_tilt_rad=tilt_sigma,
+        sigma_heading_rad=heading_sigma,
+        trust=f.trust | (b.trust & _KNOWN_BY_EITHER),
     )
 
 
-def _is_broken(forward: tuple[float, bool], backward: tuple[float, bool], apart_rad: float) -> bool:
-    """Whether a break of the motion lies between two runs, by their verticals.
+def _quats(found: Smoothed) -> Quats:
+    """The attitudes, by part."""
+    w, x, y, z = found.q_nb
+    return w, x, y, z
+
+
+def _is_broken(forward: _Deviation, backward: _Deviation, apart_rad: Floats) -> Mask:
+    """(N,) whether a break of the motion lies between two runs, by their verticals.
 
     Args:
         forward: predicted deviation of the tilt, rad, and whether it is known.
@@ -606,58 +655,51 @@ def _is_broken(forward: tuple[float, bool], backward: tuple[float, bool], apart_
     Source: docs/filter.md, section 12.
     """
     (sigma_f, knows_f), (sigma_b, knows_b) = forward, backward
-    if not (knows_f and knows_b):
-        return False
+    most = larger(BREAK_SIGMAS * each(math.hypot, sigma_f, sigma_b), MIN_BREAK_RAD)
     # False for deviations that are not predicted.
-    return apart_rad > max(BREAK_SIGMAS * math.hypot(sigma_f, sigma_b), MIN_BREAK_RAD)
+    is_broken: Mask = knows_f & knows_b & (apart_rad > most)
+    return is_broken
 
 
-def _knows_tilt(estimate: AttitudeEstimate) -> bool:
+def _knows_tilt(found: Smoothed) -> Mask:
     """False at an alignment, whose predicted deviation ignores the force's own error."""
-    trust = int(estimate.trust)
-    if trust & _RESTARTED:
-        return False
-    return not math.isnan(estimate.sigma_tilt_rad) or bool(trust & _CONVERGED)
+    is_predicted = ~np.isnan(found.sigma_tilt_rad) | ((found.trust & _CONVERGED) > 0)
+    knows: Mask = is_predicted & ((found.trust & _RESTARTED) == 0)
+    return knows
 
 
-def _apart(q: Quat, other: Quat) -> tuple[float, float, float]:
+def _apart(q: Quats, other: Quats) -> tuple[Floats, Floats, Floats]:
     """The turn in n from one attitude to another: about down, after one about north and east.
 
     Separate at every angle: an arbitrary heading must not mix into the tilt.
     Source: docs/filter.md Eq. (54).
     """
     difference = multiply(other, conjugate(q))
-    heading = math.remainder(2.0 * math.atan2(difference[3], difference[0]), 2.0 * math.pi)
-    north, east, _ = log(multiply(exp((0.0, 0.0, -heading)), difference))
+    heading = each(math.remainder, 2.0 * each(math.atan2, difference[3], difference[0]), math.tau)
+    none = np.zeros(len(heading))
+    north, east, _ = columns.log(multiply(columns.exp((none, none, -heading)), difference))
     return heading, north, east
 
 
-def _share(
-    forward: tuple[float, bool], backward: tuple[float, bool], apart_rad: float
-) -> tuple[float, float]:
-    """Share of the way from the forward to the backward estimate, and the resulting deviation, rad.
+def _share(forward: _Deviation, backward: _Deviation, apart_rad: Floats) -> tuple[Floats, Floats]:
+    """Share of the way from the forward to the backward result, and the resulting deviation, rad.
 
     Args:
         forward: predicted deviation, rad, and whether anything is known.
         backward: the same.
-        apart_rad: angle between the estimates.
+        apart_rad: angle between the results.
 
     Source: docs/filter.md Eq. (55), (56).
     """
     (sigma_f, knows_f), (sigma_b, knows_b) = forward, backward
-    if not knows_b or not knows_f:
-        # If neither knows anything, the forward one stays: it is what the flight had.
-        share, sigma = (1.0, sigma_b) if knows_b else (0.0, sigma_f)
-        return share, sigma if math.isnan(sigma) else max(sigma, MIN_SIGMA_RAD)
-    if math.isnan(sigma_f) or math.isnan(sigma_b):
-        return 0.5, math.nan
-    p_f = max(sigma_f, MIN_SIGMA_RAD) ** 2
-    p_b = max(sigma_b, MIN_SIGMA_RAD) ** 2
+    p_f, p_b = (each(math.pow, larger(sigma, MIN_SIGMA_RAD), 2.0) for sigma in (sigma_f, sigma_b))
     share = p_f / (p_f + p_b)
-    # Estimates further apart than predicted are less accurate than predicted.
+    # Results further apart than predicted are less accurate than predicted.
     spread = share * (1.0 - share) * apart_rad * apart_rad
-    return share, math.sqrt(max(share * p_b, spread, MIN_SIGMA_RAD**2))
-
-
-def _less(v: Vec3, w: Vec3) -> Vec3:
-    return (v[0] - w[0], v[1] - w[1], v[2] - w[2])
+    sigma = np.sqrt(larger(larger(share * p_b, spread), MIN_SIGMA_RAD**2))
+    is_predicted = ~(np.isnan(sigma_f) | np.isnan(sigma_b))
+    share, sigma = np.where(is_predicted, share, 0.5), np.where(is_predicted, sigma, math.nan)
+    # If neither knows anything, the forward one stays: it is what the flight had.
+    alone = larger(np.where(knows_b, sigma_b, sigma_f), MIN_SIGMA_RAD)
+    know = knows_f & knows_b
+    return np.where(know, share, np.where(knows_b, 1.0, 0.0)), np.where(know, sigma, alone)

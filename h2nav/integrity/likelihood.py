@@ -23,7 +23,7 @@ NOTHING = array("d")
 def _sums() -> Any:
     """The functions of `normal_equations`, compiled if they are."""
     native = native_kernels()
-    return native if hasattr(native, "spread") else normal_equations
+    return normal_equations if native is None else native
 
 
 class HypothesisFit(NamedTuple):

@@ -269,15 +269,13 @@ def smooth(
     samples = samples_of(gyr, acc, mag, steps_s)
     fixes = [] if velocity is None else chosen._fixes(velocity)
     rows = np.searchsorted(samples.t_us, [fix.t_us for fix in fixes])
-    given = smoothing.Given(_imu_samples(samples), list(zip(rows.tolist(), fixes, strict=True)))
-    (estimates,) = smoothing.smooth([given], lambda: _default_filter(chosen_hz, vehicle))
-    result = empty_result(len(estimates), explains=True)
-    for row, found in enumerate(estimates):
-        if found is not None:
-            result.q_nb[row], result.bias_b[row] = found.q_nb, found.bias_b
-            result.sigma_tilt_rad[row] = found.sigma_tilt_rad
-            result.sigma_heading_rad[row] = found.sigma_heading_rad
-            result.trust[row] = int(found.trust)
+    given = smoothing.Given(samples, list(zip(rows.tolist(), fixes, strict=True)))
+    (found,) = smoothing.smooth([given], lambda: _default_filter(chosen_hz, vehicle))
+    result = BatchResult(
+        np.ascontiguousarray(found.q_nb.T),
+        np.ascontiguousarray(found.bias_b.T),
+        *(found.sigma_tilt_rad, found.sigma_heading_rad, found.trust),
+    )
     return _attitude(result, samples.has_field, frame)
 
 
@@ -310,14 +308,6 @@ def _with_fixes(
         first = max(first, stop)
     run_python(chosen, samples, result, first, count)
     return result
-
-
-def _imu_samples(samples: BatchSamples) -> list[ImuSample]:
-    columns = (array.tolist() for array in samples)
-    return [
-        ImuSample(t_us, tuple(w), tuple(f), tuple(m) if has_field else None)
-        for t_us, w, f, m, has_field in zip(*columns, strict=True)
-    ]
 
 
 def _attitude(found: BatchResult, has_field: Mask, frame: Frame) -> Attitude:

@@ -6,7 +6,13 @@ Angles are radians. Made for the per-sample path: no numpy, no allocation beyond
 """
 
 import math
+from typing import TYPE_CHECKING, TypeVar
 
+if TYPE_CHECKING:
+    from h2nav.maths.rows import Array
+
+# What only multiplies and adds takes columns, too (`maths.columns`).
+Number = TypeVar("Number", float, "Array")
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 Matrix3 = tuple[Vec3, Vec3, Vec3]
@@ -14,12 +20,14 @@ Matrix3 = tuple[Vec3, Vec3, Vec3]
 IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 
 # Below this half angle sin(x)/x is 1 - x^2/6 to the last bit, and x*x cannot underflow usefully.
-_SMALL_ANGLE = 1e-4
+SMALL_ANGLE = 1e-4
 # Horizontal part of the nose below which a heading is rounding error.
 _GIMBAL_POLE = 1e-12
 
 
-def multiply(p: Quat, q: Quat) -> Quat:
+def multiply(
+    p: tuple[Number, Number, Number, Number], q: tuple[Number, Number, Number, Number]
+) -> tuple[Number, Number, Number, Number]:
     """The product p q: the rotation q followed by the rotation p.
 
     Source: docs/derivation.md Eq. (1.1).
@@ -34,12 +42,16 @@ def multiply(p: Quat, q: Quat) -> Quat:
     )
 
 
-def conjugate(q: Quat) -> Quat:
+def conjugate(
+    q: tuple[Number, Number, Number, Number],
+) -> tuple[Number, Number, Number, Number]:
     """The inverse rotation of a unit quaternion: q_bn for q_nb."""
     return (q[0], -q[1], -q[2], -q[3])
 
 
-def rotate(q: Quat, v: Vec3) -> Vec3:
+def rotate(
+    q: tuple[Number, Number, Number, Number], v: tuple[Number, Number, Number]
+) -> tuple[Number, Number, Number]:
     """The vector v of the inner frame in the outer one, as v_n from q_nb and v_b; any unit.
 
     Source: docs/derivation.md Eq. (1.2).
@@ -63,7 +75,7 @@ def exp(phi: Vec3) -> Quat:
     """
     x, y, z = phi
     half = 0.5 * math.sqrt(x * x + y * y + z * z)
-    scale = 0.5 - half * half / 12.0 if half < _SMALL_ANGLE else 0.5 * math.sin(half) / half
+    scale = 0.5 - half * half / 12.0 if half < SMALL_ANGLE else 0.5 * math.sin(half) / half
     return (math.cos(half), scale * x, scale * y, scale * z)
 
 
@@ -80,7 +92,7 @@ def turned(q: Quat, phi: Vec3) -> Quat:
     pw, px, py, pz = q
     x, y, z = phi
     half = 0.5 * math.sqrt(x * x + y * y + z * z)
-    scale = 0.5 - half * half / 12.0 if half < _SMALL_ANGLE else 0.5 * math.sin(half) / half
+    scale = 0.5 - half * half / 12.0 if half < SMALL_ANGLE else 0.5 * math.sin(half) / half
     c, x, y, z = math.cos(half), scale * x, scale * y, scale * z
     w = pw * c - px * x - py * y - pz * z
     a = pw * x + px * c + py * z - pz * y
@@ -104,7 +116,7 @@ def log(q: Quat) -> Vec3:
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
-    if sine < _SMALL_ANGLE * w:
+    if sine < SMALL_ANGLE * w:
         ratio = sine / w
         scale = 2.0 / w * (1.0 - ratio * ratio / 3.0)
     elif sine == 0.0:

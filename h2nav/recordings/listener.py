@@ -4,6 +4,9 @@ import math
 import struct
 from collections.abc import Callable
 
+import numpy as np
+
+from h2nav.attitude.batch_driver import BatchSamples, Integers, Table
 from h2nav.attitude.filter import AttitudeFilter, FilterState, pass_on
 from h2nav.attitude.samples import (
     AttitudeEstimate,
@@ -21,6 +24,12 @@ from h2nav.service.autopilot import Identity
 UNKNOWN = (math.nan, math.nan, math.nan)
 # Arrival, autopilot's time, rate, force, field, whether there is a field, whether it is clipped.
 _ROW = struct.Struct("<2q9d2?")
+_COLUMNS = np.dtype(
+    [
+        *[("arrived_us", "<i8"), ("t_us", "<i8"), ("w_b", "<f8", 3), ("f_b", "<f8", 3)],
+        *[("m_b_ut", "<f8", 3), ("has_field", "?"), ("clipped", "?")],
+    ]
+)
 
 
 class Stretch:
@@ -52,19 +61,20 @@ class Stretch:
         self._rows += _ROW.pack(arrived_us, t_us, *w_b, *f_b, *field, known, clipped)
 
     @property
-    def samples(self) -> list[ImuSample]:
-        """All samples so far, newly created."""
-        return [
-            tuple.__new__(
-                ImuSample, (t_us, (p, q, r), (x, y, z), (a, b, c) if known else None, clipped)
-            )
-            for _, t_us, p, q, r, x, y, z, a, b, c, known, clipped in _ROW.iter_unpack(self._rows)
-        ]
+    def samples(self) -> BatchSamples:
+        """All samples so far."""
+        rows = self._table()
+        names = ("t_us", "w_b", "f_b", "m_b_ut", "has_field", "clipped")
+        return tuple.__new__(BatchSamples, (np.ascontiguousarray(rows[name]) for name in names))
 
     @property
-    def arrived_us(self) -> list[int]:
-        """Host time of each sample's arrival."""
-        return [row[0] for row in _ROW.iter_unpack(self._rows)]
+    def arrived_us(self) -> Integers:
+        """(N,) host time of each sample's arrival."""
+        arrived_us: Integers = self._table()["arrived_us"].copy()
+        return arrived_us
+
+    def _table(self) -> Table:
+        return np.frombuffer(bytes(self._rows), _COLUMNS)
 
 
 class Listener:

@@ -5,10 +5,13 @@ import itertools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from h2nav.attitude import smoothing
+from h2nav.attitude.batch_driver import BatchSamples, Integers
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample
-from h2nav.attitude.smoothing import Given
+from h2nav.attitude.samples import AttitudeEstimate
+from h2nav.attitude.smoothing import Given, Smoothed
 from h2nav.maths import quaternion
 from h2nav.maths.units import DEG
 from h2nav.recordings.listener import Listener, Stretch
@@ -63,8 +66,8 @@ def smoothed(
     *,
     with_field: bool = True,
     left_out: Callable[[int], object] = lambda count: None,
-) -> Iterator[tuple[int, AttitudeEstimate]]:
-    """Yields host time of arrival (ns) and smoothed attitude of each sample that has one.
+) -> Iterator[tuple[Integers, Smoothed]]:
+    """Yields (N,) host times of arrival, us, and the smoothed attitudes of samples that have one.
 
     Args:
         filter_for: creates the filter of a vehicle.
@@ -76,14 +79,14 @@ def smoothed(
             continue
         stretches = list(group)
         given = (Given(_samples(stretch, with_field), stretch.inputs) for stretch in stretches)
-        arrived_us = itertools.chain.from_iterable(each.arrived_us for each in stretches)
         found = smoothing.smoothed(given, functools.partial(filter_for, identity), left_out)
-        for at_us, estimate in zip(arrived_us, found, strict=True):
-            if estimate is not None:
-                yield 1000 * at_us, estimate
+        for stretch, attitudes in zip(stretches, found, strict=True):
+            known = attitudes.is_known
+            yield stretch.arrived_us[known], attitudes.at(known)
 
 
-def _samples(stretch: Stretch, with_field: bool) -> list[ImuSample]:
+def _samples(stretch: Stretch, with_field: bool) -> BatchSamples:
+    samples = stretch.samples
     if with_field:
-        return stretch.samples
-    return [sample._replace(m_b_ut=None) for sample in stretch.samples]
+        return samples
+    return samples._replace(has_field=np.zeros_like(samples.has_field))

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from h2nav.attitude.batch_driver import Integers
 from h2nav.attitude.samples import AttitudeEstimate, Trust
+from h2nav.attitude.smoothing import Smoothed
 from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.maths.units import DEG
@@ -36,6 +38,12 @@ class EstimateRows:
         """Stores an estimate of a sample that arrived at this time of the recording."""
         sigmas = (estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
         self._rows.extend((t_s, *estimate.q_nb, *estimate.bias_b, *sigmas))
+
+    def add_all(self, since_start_ns: Integers, found: Smoothed) -> None:
+        """Stores attitudes of samples that arrived at these (N,) times of the recording."""
+        sigmas = found.sigma_tilt_rad, found.sigma_heading_rad
+        rows = np.vstack((since_start_ns * 1e-9, found.q_nb, found.bias_b, *sigmas)).T
+        self._rows.frombytes(rows.tobytes())
 
     def estimates(self) -> Estimates | None:
         """All so far; None without any."""

@@ -11,9 +11,9 @@ from h2nav.translate.structs import struct_text
 
 # What a row of results holds, and from which column on: of the state, and of the workspace, where
 # they have it.
-_OF_STATE = (("q_nb", 0), ("gyro_bias", 4))
+_OF_STATE = (("q_nb", 0), ("gyro_bias", 4), ("aided", 10), ("gained_n", 11), ("gained_e", 12))
 _OF_WORKSPACE = (("sigma_tilt", 8), ("sigma_heading", 9))
-COLUMNS = 10
+COLUMNS = 13
 
 
 def batch_c(kernel: KernelFiles, sources: Sequence[KernelSource]) -> str:
@@ -25,7 +25,7 @@ def batch_c(kernel: KernelFiles, sources: Sequence[KernelSource]) -> str:
     structs = "\n".join(struct_text(found.about, found.rows, found.name) for found in records)
     number = DOUBLE if records[0].rows[0].range is None else INT32
     results = "".join(
-        f"        memcpy(result + {column}, s->{name}, sizeof s->{name});\n"
+        f"        memcpy(result + {column}, &s->{name}, sizeof s->{name});\n"
         for name, column in _OF_STATE
         if name in [row.name for row in records[0].rows]
     )

@@ -40,7 +40,7 @@ class ConstantGainBatch:
         gaps = np.diff(samples.t_us, prepend=samples.t_us[:1])
         finite = np.isfinite(sizes(samples.gyr)) & np.isfinite(sizes(samples.acc))
         finite &= np.isfinite(sizes(samples.mag)) | ~samples.has_field
-        special: Mask = (gaps > MAX_DT_US) | ~finite
+        special: Mask = (gaps > MAX_DT_US) | ~finite | samples.clipped
         special[:1] = True
         special[1:] |= ~finite[:-1]
         return special

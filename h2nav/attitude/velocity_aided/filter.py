@@ -158,9 +158,16 @@ class VelocityAidedFilter(VelocityAidedShell):
         drift_rad_s = math.sqrt(max(drift, 0.0))
         return HeadingState(s.age_s, s.heading_turned, s.heading_variance, drift_rad_s)
 
-    def follow(self, t_us: int) -> None:
-        """Continues after a sample of this time, to which a batch has brought state and sample."""
-        self._t_us = t_us
+    def follow(self, times_us: Sequence[int], gained: Sequence[tuple[float, float] | None]) -> None:
+        """Continues after samples, to the end of which a batch has brought state and sample.
+
+        Args:
+            times_us: of the samples.
+            gained: velocity gained until each, if a velocity holds the filter, s.
+        """
+        for t_us, each in zip(times_us, gained, strict=True):
+            self._aiding.remember(t_us, each)
+        self._t_us = times_us[-1]
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Expects the field to be older than the rate by as much; see `AttitudeFilter`."""

@@ -85,16 +85,25 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         """Time of the last sample; None before the first."""
         return self._t_us
 
-    def is_free_at(self, t_us: int) -> bool:
-        """Whether a plain sample of this time goes to the kernel unchanged.
+    def is_plain_at(self, t_us: int) -> bool:
+        """Whether a plain sample of this time goes to the kernel as it is, perhaps `aided`.
 
         The filter must be aligned, without a long gap and without a pending velocity.
         """
         if self._t_us is None or not 0 < t_us - self._t_us <= LONGEST_GAP_US:
             return False
-        if self._air is not None or not self._aligned or self._gained() is not None:
+        return self._aligned and self._air is None and self._aiding.waiting is None
+
+    def is_free_at(self, t_us: int) -> bool:
+        """The same without a velocity that holds the filter."""
+        if not self.is_plain_at(t_us) or self._gained() is not None:
             return False
-        return self._aiding.is_idle(t_us)
+        return not t_us < self._aiding.aided_until_us
+
+    @property
+    def aided_until_us(self) -> float:
+        """Until when velocities hold the filter."""
+        return self._aiding.aided_until_us
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Processes one sample; see `AttitudeFilter`.

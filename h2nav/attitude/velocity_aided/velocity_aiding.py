@@ -96,10 +96,6 @@ class VelocityAiding:
         is_steady = self._fixes >= FIXES_TO_START
         self.aided_until_us = self._fix_us + LOST_S * 1e6 if is_steady else -math.inf
 
-    def is_idle(self, t_us: int) -> bool:
-        """Whether no fix is pending and none holds the filter."""
-        return self.waiting is None and not t_us < self.aided_until_us
-
     def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
         """Returns the pending fix, once; None without one or with aiding off.
 

@@ -8,12 +8,13 @@ have the same bits either way.
 import math
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from h2nav.attitude import alignment, batch, native
+from h2nav.attitude.batch_driver import BatchSamples
 from h2nav.attitude.filter import AttitudeFilter, pass_on
 from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.lead import extrapolated
@@ -66,13 +67,16 @@ class FilterTrack(NamedTuple):
 
 def samples(trial: Trial) -> Iterator[ImuSample]:
     """The trial's samples; the body axes are the sensor's."""
-    rates, forces = trial.w_s.tolist(), trial.f_s.tolist()
-    fields: list[Any] = [None] * len(rates)
-    if trial.m_s is not None:
-        fields = [None if math.isnan(sum(row)) else tuple(row) for row in trial.m_s.tolist()]
-    clipped = [False] * len(rates) if trial.clipped is None else trial.clipped.tolist()
-    for t_us, w, f, m, bad in zip(trial.t_us.tolist(), rates, forces, fields, clipped, strict=True):
-        yield ImuSample(t_us, tuple(w), tuple(f), m, bad)
+    return _columns(trial).records()
+
+
+def _columns(trial: Trial) -> BatchSamples:
+    """The same in columns."""
+    count = len(trial.t_us)
+    fields = np.full((count, 3), math.nan) if trial.m_s is None else trial.m_s
+    clipped = np.zeros(count, np.bool_) if trial.clipped is None else trial.clipped
+    has_field = ~np.any(np.isnan(fields), axis=1)
+    return BatchSamples(trial.t_us, trial.w_s, trial.f_s, fields, has_field, clipped)
 
 
 def run_velocity_aided(trial: Trial, conditions: Conditions) -> FilterTrack:
@@ -200,9 +204,9 @@ def _run_samples(
 
 def _smooth(trial: Trial, conditions: Conditions, make: FilterMaker) -> FilterTrack:
     """The smoother around a filter."""
-    given = Given(list(samples(trial)), _inputs(trial, conditions))
+    given = Given(_columns(trial), _inputs(trial, conditions))
     started = time.process_time()
-    estimates = smooth([given], make)[0]
+    estimates = list(smooth([given], make)[0].estimates())
     us_per_sample = (time.process_time() - started) * 1e6 / len(estimates)
     chosen = make()
     return _track(_filled(estimates, f"{trial.name}: {chosen.name}"), us_per_sample, chosen)

@@ -11,7 +11,7 @@ import numpy as np
 from h2nav.attitude.samples import EarthField, VelocityFix
 from h2nav.errors import BadInput
 from h2nav.maths.rows import enu_from_ned, from_euler
-from h2nav.recordings.listener import UNKNOWN, Listener, Stretch
+from h2nav.recordings.listener import Listener, Stretch
 from h2nav.recordings.reference import Pairs, Reference
 from h2nav.recordings.trials import FilterInput, Trial, usual_rate_hz
 
@@ -29,28 +29,27 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
     """
     stretch = max(listener.stretches, key=len)
     samples = stretch.samples
-    if len(samples) < MIN_SAMPLES:
+    if len(stretch) < MIN_SAMPLES:
         raise BadInput(f"{path}: no IMU samples of a known autopilot in it")
-    boot_us = np.array([sample.t_us for sample in samples])
+    boot_us = samples.t_us
     start_us = int(boot_us[0])
-    pairs = reference.pairs(np.array(stretch.arrived_us), boot_us)
-    fields = np.array([sample.m_b_ut or UNKNOWN for sample in samples])
-    clipped = np.array([sample.clipped for sample in samples])
-    q_es = np.full((len(samples), 4), np.nan)
+    pairs = reference.pairs(stretch.arrived_us, boot_us)
+    fields = samples.mag
+    q_es = np.full((len(stretch), 4), np.nan)
     q_es[pairs.rows] = enu_from_ned(from_euler(pairs.angles))
     known = [given.what for given in stretch.inputs if isinstance(given.what, EarthField)]
     return Trial(
         name=path.stem,
         rate_hz=usual_rate_hz(boot_us),
         t_us=boot_us - start_us,
-        w_s=np.array([sample.w_b for sample in samples]),
-        f_s=np.array([sample.f_b for sample in samples]),
+        w_s=samples.gyr,
+        f_s=samples.acc,
         m_s=None if np.isnan(fields).all() else fields,
         q_es=q_es if len(pairs.rows) else None,
         mask=np.isfinite(q_es[:, 0]),
         heading_fixed=True,
         gps=None,
-        clipped=clipped if clipped.any() else None,
+        clipped=samples.clipped if samples.clipped.any() else None,
         inputs=tuple(_on_clock_of_trial(given, start_us) for given in stretch.inputs),
         declination_rad=known[-1].declination_rad if known else 0.0,
         notes=tuple(_notes(listener, stretch, pairs)),

@@ -242,12 +242,14 @@ def test_the_compiled_kernels_refuse_buffers_that_do_not_fit() -> None:
     compiled = native.native_kernels()
     assert compiled is not None
     number = COMPILED.index(CONSTANT_GAIN)
-    memory, gains, sample, out = (np.zeros(size, np.int32) for size in (16, 22, 11, 10))
+    memory, gains, sample, out = (
+        np.zeros(size, np.int32) for size in (16, 22, 11, native.RESULT_COLUMNS)
+    )
     for buffers, message in (
         ((memory[1:], gains, sample, out), "not those of this kernel"),
         ((memory, gains[1:], sample, out), "not those of this kernel"),
         ((memory, gains, sample[1:], out), "not whole samples"),
-        ((memory, gains, np.zeros(22, np.int32), out), "one row of 10 numbers"),
+        ((memory, gains, np.zeros(22, np.int32), out), "one row of numbers"),
     ):
         with pytest.raises(ValueError, match=message):
             compiled.run(number, buffers[0], bytearray(), *buffers[1:])

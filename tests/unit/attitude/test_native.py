@@ -1,9 +1,12 @@
 """The compiled step behind a filter: the same estimates and memory as the one in Python."""
 
+import sys
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 
+from h2nav.attitude import native
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
@@ -106,10 +109,9 @@ def test_a_bound_step_holds_its_records_and_refuses_others() -> None:
             bind(*wrong)
 
 
-def test_an_extension_without_bound_steps_gives_the_same() -> None:
-    compiled, older = compiled_step(VELOCITY_AIDED), compiled_step(VELOCITY_AIDED)
-    if compiled is None or older is None:
+def test_an_extension_with_other_results_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    if native_kernels() is None:
         absent("the compiled kernels are not built")
-    older._bind = None
-    flights = [flown(VelocityAidedFilter(multirotor(), each), 0, 600) for each in (compiled, older)]
-    assert flights[0] == flights[1]
+    older = SimpleNamespace(kernel_digest=native_kernels().kernel_digest, result_columns=10)
+    monkeypatch.setitem(sys.modules, "h2nav.attitude._native", older)
+    assert native._current_build.__wrapped__() is None

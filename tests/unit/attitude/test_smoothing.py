@@ -5,12 +5,14 @@ import random
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from filters import FILTERS, FLYING
 from needs import DEG
 from synthetic_imu import FIELD, FIELD_N, GRAVITY, Disturbance, Flight, brisk, fly, slow, still
 
 from h2nav.attitude import smoothing
+from h2nav.attitude.batch_driver import BatchSamples
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
 from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.native import compiled_step
@@ -25,7 +27,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.smoothing import Given, smooth
+from h2nav.attitude.smoothing import Given
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.shell import forward_speed_m_s
@@ -37,6 +39,28 @@ _MULTIROTOR, _FIXED_WING = (
     velocity_aided_gains(gain_files.load(name), name)
     for name in ("multirotor_100hz", "fixed-wing_100hz")
 )
+
+
+def columns(samples: Sequence[ImuSample]) -> BatchSamples:
+    nothing = (math.nan, math.nan, math.nan)
+    vectors = [(*each.w_b, *each.f_b, *(each.m_b_ut or nothing)) for each in samples]
+    w_b, f_b, m_b_ut = np.array(vectors).reshape(-1, 3, 3).transpose(1, 0, 2)
+    return BatchSamples(
+        np.array([each.t_us for each in samples], np.int64),
+        *(w_b, f_b, m_b_ut),
+        np.array([each.m_b_ut is not None for each in samples], np.bool_),
+        np.array([each.clipped for each in samples], np.bool_),
+    )
+
+
+def given(samples: Sequence[ImuSample], told: Iterable) -> Given:
+    return Given(columns(samples), tuple(told))
+
+
+def smooth(stretches: Iterable[Given], maker: Callable, left_out: Callable = print) -> list:
+    """The estimates of each stretch, one by one."""
+    found = smoothing.smoothed(stretches, maker, left_out)
+    return [list(each.estimates()) for each in found]
 
 
 def make() -> VelocityAidedFilter:
@@ -81,7 +105,7 @@ def without_field(flight: Flight) -> Flight:
 def test_the_start_is_as_good_as_the_middle(name: str) -> None:
     flight = fly(slow, 30.0, 1)
     before = causal(flight.samples, maker=FILTERS[name])
-    after = smooth([Given(flight.samples, TOLD)], FILTERS[name])[0]
+    after = smooth([given(flight.samples, TOLD)], FILTERS[name])[0]
     start = slice(100, 1000)
     truth = flight.q_nb[start]
     assert worst(tilt_deg, after[start], truth) < 0.7 * worst(tilt_deg, before[start], truth)
@@ -90,20 +114,21 @@ def test_the_start_is_as_good_as_the_middle(name: str) -> None:
 
 def test_estimates_are_those_of_their_samples() -> None:
     flight = fly(slow, 20.0, 2)
-    found = smooth([Given(flight.samples, TOLD)], make)[0]
+    found = smooth([given(flight.samples, TOLD)], make)[0]
     assert [each.t_us for each in found] == [sample.t_us for sample in flight.samples]
     for each, sample in zip(found, flight.samples, strict=True):
         assert each.bias_b == pytest.approx(flight.bias_b, abs=0.3 * DEG)
         sums = [w + b for w, b in zip(each.w_b, each.bias_b, strict=True)]
         assert sums == pytest.approx(sample.w_b, abs=1e-12)
-    assert smooth([Given(flight.samples, TOLD)], make)[0] == found
+    assert smooth([given(flight.samples, TOLD)], make)[0] == found
 
 
 def test_reversed_rates_lead_back_to_the_start() -> None:
     """Each rate is the mean since the sample before; unshifted they end 0.4 deg off here."""
     flight = fly(brisk, 5.0, 3, bias_b=(0.0, 0.0, 0.0))
-    (piece,) = smoothing._pieces(Given(flight.samples, ()))
-    turned = smoothing._reversed(smoothing._without(piece, smoothing._Learnt())).samples
+    (piece,) = smoothing._pieces(given(flight.samples, ()))
+    back = smoothing._reversed(smoothing._without(piece, smoothing._Learnt())).samples
+    turned = list(back.records())
     q = flight.q_nb[-1]
     for before, sample in pairwise(turned):
         dt_s = (sample.t_us - before.t_us) * 1e-6
@@ -122,7 +147,7 @@ def test_a_measured_velocity_changes_its_sign() -> None:
         (20 * k + 10, VelocityFix(200_000 * k, (-math.cos(0.2 * rate * k) / rate, 0.0, 0.0), 0.1))
         for k in range(199)
     ]
-    found = smooth([Given(flight.samples, (*TOLD, *fixes))], make)[0]
+    found = smooth([given(flight.samples, (*TOLD, *fixes))], make)[0]
     settled = slice(500, 3500)
     assert worst(tilt_deg, found[settled], flight.q_nb[settled]) < 0.25
     before = causal(flight.samples)
@@ -150,7 +175,7 @@ def test_backward_the_nose_trails() -> None:
             )
         ),
     )
-    found = smooth([Given(flight.samples, TOLD)], fixed_wing)[0]
+    found = smooth([given(flight.samples, TOLD)], fixed_wing)[0]
     before = causal(flight.samples, maker=fixed_wing)
     middle = slice(1500, 4500)
     assert worst(tilt_deg, found[middle], flight.q_nb[middle]) < 3.0
@@ -160,7 +185,7 @@ def test_backward_the_nose_trails() -> None:
 def test_without_a_magnetometer_the_heading_is_the_forward_runs() -> None:
     """The vehicle ends 1 rad from its first heading, which is where a backward run begins."""
     flight = without_field(fly(lambda _t: (0.0, 0.0, 0.05), 20.0, 6, bias_b=(0.0, 0.0, 0.0)))
-    found = smooth([Given(flight.samples, ((0, FLYING),))], make)[0]
+    found = smooth([given(flight.samples, ((0, FLYING),))], make)[0]
     assert all(each is not None for each in found)
     assert worst(heading_deg, found, flight.q_nb) < 3.0
     assert worst(tilt_deg, found, flight.q_nb) < 1.0
@@ -181,7 +206,7 @@ def test_a_bias_that_nothing_has_shown_is_not_taken_out() -> None:
             disturbance=sway,
         )
     )
-    found = smooth([Given(flight.samples, ((0, FLYING),))], make)[0]
+    found = smooth([given(flight.samples, ((0, FLYING),))], make)[0]
     before = causal(flight.samples, ((0, FLYING),))
     assert worst(heading_deg, found, flight.q_nb) <= worst(heading_deg, before, flight.q_nb)
     off_rad = worst(heading_deg, found, flight.q_nb) * DEG
@@ -201,15 +226,16 @@ def test_heading_rest_or_tumbling_show_the_bias_about_the_vertical(
     trust: Trust, is_referenced: bool, tumbles: bool, z: float
 ) -> None:
     bias_b, nothing = (0.02, 0.03, 0.04), (0.0, 0.0, 0.0)
-    run = smoothing._BiasRun((0.0, 0.0, 0.01))
+    estimates = []
     for row in range(1000):
         q_nb = quaternion.from_euler(row * 0.01 * math.tau if tumbles else 0.0, 0.0, 0.3)
-        first = row == 0  # one sample that shows it is enough
-        estimate = AttitudeEstimate(
-            row, q_nb, nothing, bias_b, nothing, 0.01, trust if first else Trust.ALIGNED, 0.1
-        )
-        run.add(smoothing._Known(estimate, is_referenced and first))
-    assert run.shown_b == pytest.approx((0.02, 0.03, z), abs=1e-6)
+        # one sample that shows it is enough
+        each = Trust.ALIGNED if row else trust
+        numbers = AttitudeEstimate(row, q_nb, nothing, bias_b, nothing, 0.01, each, 0.1)
+        estimates.append((row, numbers))
+    found = smoothing._in_columns(np.arange(1000), estimates)
+    run = smoothing._Run(found, np.arange(1000) < is_referenced)
+    assert smoothing._shown(run, (0.0, 0.0, 0.01)) == pytest.approx((0.02, 0.03, z), abs=1e-6)
 
 
 def test_a_late_field_is_late_in_both_directions() -> None:
@@ -221,7 +247,7 @@ def test_a_late_field_is_late_in_both_directions() -> None:
         sample._replace(m_b_ut=quaternion.rotate(quaternion.conjugate(q), FIELD_N))
         for sample, q in zip(flight.samples, old, strict=True)
     ]
-    found = smooth([Given(samples, TOLD)], make)[0]
+    found = smooth([given(samples, TOLD)], make)[0]
     middle = slice(500, 3500)
     assert worst(heading_deg, found[middle], flight.q_nb[middle]) < 0.6
     chosen = make()
@@ -233,9 +259,9 @@ def test_a_late_field_is_late_in_both_directions() -> None:
 def test_smoothed_attitudes_are_led_once() -> None:
     """Field and rates are equally old, so that nothing but the lead is different."""
     flight = fly(lambda t: (0.3 * math.sin(t), 0.2, 1.0), 20.0, 13)
-    plain = smooth([Given(flight.samples, TOLD)], make)[0]
+    plain = smooth([given(flight.samples, TOLD)], make)[0]
     told = (*TOLD, (0, SensorDelays(0.02, 0.02)), (1000, SensorDelays(0.05, 0.05)))
-    found = smooth([Given(flight.samples, told)], make)[0]
+    found = smooth([given(flight.samples, told)], make)[0]
     lateness = [0.02] * 1000 + [0.05] * 1000
     assert found == [
         extrapolated(each, late_s) for each, late_s in zip(plain, lateness, strict=True)
@@ -261,7 +287,7 @@ def test_accelerometer_bias_and_late_fixes_are_undone() -> None:
         learnt.append(make())
         return learnt[-1]
 
-    found = smooth([Given(flight.samples, (*TOLD, *fixes))], noting)[0]
+    found = smooth([given(flight.samples, (*TOLD, *fixes))], noting)[0]
     first, _, third = (each.sensor_errors for each in learnt)
     assert first.force_bias_b[0] == pytest.approx(0.1, abs=0.03)
     assert first.fix_latency_s == pytest.approx(0.2, abs=0.05)
@@ -277,9 +303,9 @@ def test_what_was_not_measured_now_is_not_corrected() -> None:
         each._replace(m_b_ut=fields[row // 10], f_b=(0.0, 0.0, 0.0) if row == 50 else each.f_b)
         for row, each in enumerate(flight.samples)
     ]
-    (piece,) = smoothing._pieces(Given(samples, ()))
+    (piece,) = smoothing._pieces(given(samples, ()))
     errors = SensorErrors((1e-6, 1e-6, 1e-6), (0.1, 0.2, 0.0), field_latency_s=0.05)
-    found = smoothing._without(piece, smoothing._Learnt(errors=errors)).samples
+    found = list(smoothing._without(piece, smoothing._Learnt(errors=errors)).samples.records())
     assert [row for row, each in enumerate(found) if each.m_b_ut is not None] == [
         *range(0, 100, 10)
     ]
@@ -292,7 +318,7 @@ def test_the_declination_holds_from_the_start() -> None:
     turned = EarthField(FIELD.norm_ut, FIELD.dip_rad, 20.0 * DEG)
     flight = fly(slow, 20.0, 8)
     told = ((0, FLYING), (1000, turned))
-    found = smooth([Given(flight.samples, told)], make)[0]
+    found = smooth([given(flight.samples, told)], make)[0]
     half = 10.0 * DEG
     truth = [
         quaternion.multiply((math.cos(half), 0.0, 0.0, math.sin(half)), q) for q in flight.q_nb
@@ -305,7 +331,7 @@ def test_gaps_and_epochs_are_smoothed_apart() -> None:
     rows = [*range(1000), *range(1800, 3000)]
     samples = [flight.samples[row] for row in rows]
     again = flight.samples[:1500]
-    first, second = smooth([Given(samples, TOLD), Given(again, TOLD)], make)
+    first, second = smooth([given(samples, TOLD), given(again, TOLD)], make)
     assert [len(first), len(second)] == [len(samples), len(again)]
     assert worst(tilt_deg, first, [flight.q_nb[row] for row in rows]) < 2.0
     assert worst(tilt_deg, second, flight.q_nb[:1500]) < 2.0
@@ -315,9 +341,9 @@ def test_gaps_and_epochs_are_smoothed_apart() -> None:
 
 def test_what_is_too_short_has_no_estimate() -> None:
     flight = fly(slow, 1.0, 10)
-    assert smooth([Given([], ()), Given(flight.samples[:1], TOLD)], make) == [[], [None]]
+    assert smooth([given([], ()), given(flight.samples[:1], TOLD)], make) == [[], [None]]
     assert smooth([], make) == []
-    short = smooth([Given(flight.samples[:5], TOLD)], make)[0]
+    short = smooth([given(flight.samples[:5], TOLD)], make)[0]
     assert all(each is None or math.isfinite(sum(each.q_nb)) for each in short)
 
 
@@ -335,9 +361,7 @@ def test_a_piece_whose_arithmetic_fails_is_left_out_and_told() -> None:
             return super().update(sample)
 
     told: list[int] = []
-    found = list(
-        smoothing.smoothed([Given(samples, TOLD)], lambda: Failing(_MULTIROTOR), told.append)
-    )
+    found = smooth([given(samples, TOLD)], lambda: Failing(_MULTIROTOR), told.append)[0]
     assert told == [800]
     assert found[800:1600] == [None] * 800
     kept = [row for row in range(2400) if not 800 <= row < 1600]
@@ -356,7 +380,7 @@ def test_bad_samples_never_make_a_nan() -> None:
         samples[row + 1] = samples[row + 1]._replace(m_b_ut=(bad, 0.0, 0.0))
     samples[1200:1210] = [each._replace(clipped=True) for each in samples[1200:1210]]
     for name in ("velocity_aided", "velocity_aided_integer"):
-        found = smooth([Given(samples, TOLD)], FILTERS[name])[0]
+        found = smooth([given(samples, TOLD)], FILTERS[name])[0]
         numbers = [
             (*each.q_nb, *each.bias_b, each.sigma_tilt_rad, each.sigma_heading_rad)
             for each in found
@@ -387,7 +411,7 @@ def test_what_comes_after_a_break_is_not_carried_before_it() -> None:
     turn = quaternion.from_euler(100.0 * DEG, 0.0, 0.0)
     samples = flight.samples[:knock] + turned(flight.samples[knock:], turn)
     alone = causal(samples)
-    found = smooth([Given(samples, TOLD)], make)[0]
+    found = smooth([given(samples, TOLD)], make)[0]
     before = slice(knock - 400, knock)
     assert worst(tilt_deg, found[before], flight.q_nb[before]) < 2.0
     assert worst(tilt_deg, alone[before], flight.q_nb[before]) < 2.0
@@ -422,7 +446,7 @@ def damaged(flight: Flight, rng: random.Random) -> Given:
             north = jump if rng.random() < 0.05 else rng.gauss(0.0, 0.1)
             fix = VelocityFix(samples[row].t_us, (north, rng.gauss(0.0, 0.1), math.nan), 0.1)
             told.append((row, fix))
-    return Given(samples, tuple(told))
+    return given(samples, tuple(told))
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -430,11 +454,11 @@ def test_no_piece_of_a_damaged_recording_ends_in_an_error_out_of_arithmetic(seed
     rng = random.Random(seed)
     flight = fly(rng.choice([slow, brisk]), 25.0, seed)
     for _ in range(4):
-        given, left_out = damaged(flight, rng), []
+        stretch, left_out = damaged(flight, rng), []
         for maker in (make, fixed_wing):
-            found = list(smoothing.smoothed([given], maker, left_out.append))
+            (found,) = smooth([stretch], maker, left_out.append)
             assert not left_out
-            assert len(found) == len(given.samples)
+            assert len(found) == len(stretch.samples.t_us)
             for each in found:
                 if each is not None:
                     assert abs(math.hypot(*each.q_nb) - 1.0) < 1e-6
@@ -473,23 +497,50 @@ def test_a_known_bias_may_have_walked(name: str) -> None:
 
 
 def test_the_deviation_is_less_than_either_unless_they_disagree() -> None:
-    share, sigma = smoothing._share((0.02, True), (0.01, True), 0.0)
+    share, sigma = shared((0.02, True), (0.01, True), 0.0)
     assert share == pytest.approx(0.8)
     assert sigma == pytest.approx(0.02 * 0.01 / math.hypot(0.02, 0.01))
-    _, apart = smoothing._share((0.02, True), (0.01, True), 0.5)
+    _, apart = shared((0.02, True), (0.01, True), 0.5)
     assert apart == pytest.approx(0.2)
-    assert smoothing._share((0.02, True), (0.01, False), 1.0) == (0.0, 0.02)
-    assert smoothing._share((0.02, False), (0.01, True), 1.0) == (1.0, 0.01)
-    assert smoothing._share((0.02, False), (0.01, False), 1.0) == (0.0, 0.02)
-    _, least = smoothing._share((1e-9, True), (0.0, True), 0.0)
+    assert shared((0.02, True), (0.01, False), 1.0) == (0.0, 0.02)
+    assert shared((0.02, False), (0.01, True), 1.0) == (1.0, 0.01)
+    assert shared((0.02, False), (0.01, False), 1.0) == (0.0, 0.02)
+    _, least = shared((1e-9, True), (0.0, True), 0.0)
     assert least == smoothing.MIN_SIGMA_RAD
-    share, unknown = smoothing._share((math.nan, True), (math.nan, True), 0.1)
+    share, unknown = shared((math.nan, True), (math.nan, True), 0.1)
     assert share == 0.5
     assert math.isnan(unknown)
+
+
+def shared(
+    forward: tuple[float, bool], backward: tuple[float, bool], apart_rad: float
+) -> tuple[float, float]:
+    pairs = [(np.array([sigma]), np.array([knows])) for sigma, knows in (forward, backward)]
+    share, sigma = smoothing._share(*pairs, np.array([apart_rad]))
+    return share.item(), sigma.item()
 
 
 def test_an_arbitrary_heading_does_not_mix_into_the_tilt() -> None:
     q = quaternion.from_euler(0.3, -0.2, 0.5)
     tilted = quaternion.multiply(quaternion.exp((0.02, -0.03, 0.0)), q)
     other = quaternion.multiply(quaternion.exp((0.0, 0.0, 2.5)), tilted)
-    assert smoothing._apart(q, other) == pytest.approx((2.5, 0.02, -0.03), abs=1e-9)
+    (found,) = np.array(smoothing._apart(*(np.array([each]).T for each in (q, other)))).T
+    assert found == pytest.approx((2.5, 0.02, -0.03), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_compiled_runs_have_the_bits_of_single_samples(seed: int) -> None:
+    """Recordings with everything that runs must not stumble over."""
+    rng = random.Random(seed)
+    stretch = damaged(fly(brisk, 25.0, seed, field_every=3), rng)
+
+    class SampleBySample(VelocityAidedFilter):
+        """Of another type, and so without runs."""
+
+    compiled = compiled_step(VELOCITY_AIDED)
+    for gains in (_MULTIROTOR, _FIXED_WING):
+        runs, singly = (
+            smooth([stretch, stretch], lambda kind=kind, gains=gains: kind(gains, compiled))
+            for kind in (VelocityAidedFilter, SampleBySample)
+        )
+        assert repr(runs) == repr(singly)

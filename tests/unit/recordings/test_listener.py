@@ -22,7 +22,7 @@ def test_every_input_is_kept_with_the_number_of_the_sample_that_follows() -> Non
     (stretch,) = listener.stretches
     kept = [(0, FIELD), (0, VEHICLE), (2, FIX), (2, DELAYS)]
     assert stretch.inputs == [FilterInput(*pair) for pair in kept]
-    assert stretch.samples == [SAMPLE, SAMPLE._replace(t_us=10_000)]
+    assert list(stretch.samples.records()) == [SAMPLE, SAMPLE._replace(t_us=10_000)]
 
 
 def test_a_restart_begins_a_stretch_in_which_state_field_and_delays_still_hold() -> None:
@@ -41,4 +41,4 @@ def test_a_restart_begins_a_stretch_in_which_state_field_and_delays_still_hold()
     first, second = listener.stretches
     assert first.arrived_us == [7]
     assert second.inputs == [FilterInput(0, what) for what in (VEHICLE, FIELD, DELAYS)]
-    assert second.samples == []
+    assert list(second.samples.records()) == []
