@@ -60,9 +60,11 @@ STEP_SHARE = 0.12
 STEP_ROWS = 30
 SUDDEN_ROWS, SUDDEN_SHARE = 5, 0.5
 MAX_STEPS = 8
+# A field turned by more than so many deviations of our heading has turned itself.
+SURE_TURNED = 3.0
 # Least length of the part that represents the flight.
 USUAL_S = 15.0
-# A step this soon after arming may be the take-off.
+# A step this soon after arming may be the take-off, as one with the throttle.
 AROUND_S = 12.0
 
 
@@ -166,8 +168,21 @@ def strangeness(field: FieldTrack, one: Finding) -> float:
 
 
 def _in_flight(rows: SentFields, t_s: float) -> bool:
-    """Whether the motors turned throughout the time around `t_s`."""
-    return bool(rows.flying[np.abs(rows.t_s - t_s) < AROUND_S].all())
+    """Whether the motors turned throughout the time around `t_s`, and as hard before as after."""
+    if not rows.flying[np.abs(rows.t_s - t_s) < AROUND_S].all():
+        return False
+    known = rows.part(np.isfinite(rows.throttle))
+    before = known.throttle[known.t_s < t_s][-STEP_ROWS:]
+    after = known.throttle[known.t_s >= t_s][:STEP_ROWS]
+    if not len(before) or not len(after):
+        return True
+    change = abs(float(np.median(after)) - float(np.median(before)))
+    return change <= _least_spread(known.throttle)
+
+
+def _least_spread(throttle: Array) -> float:
+    """The change of throttle, or current, that shows what the motors do to the field."""
+    return THROTTLE_SPREAD * max(1.0, float(np.abs(throttle).max()))
 
 
 def _rows(
@@ -317,21 +332,44 @@ def _steps(
         x, y, z = change * MG_PER_UT
         flew = all(_in_flight(rows, cut) for cut in cuts if from_s <= cut <= to_s)
         why = "a magnet, a motor or a wire" if flew else "the ground that it stood on, or motors"
+        is_shown = _is_shown(piece, usual, least)
+        doubt = "" if is_shown else ", or our heading: strength and dip stayed"
         found.append(
             Finding(
                 Kind.COMPASS_STEP,
                 Sensor(SensorKind.COMPASS, compass + 1),
-                Severity.WARNING if flew else Severity.NOTICE,
+                Severity.WARNING if flew and is_shown else Severity.NOTICE,
                 float(from_s),
                 float(to_s),
                 size * MG_PER_UT,
                 "mG",
                 f"field of the vehicle itself changed by {size * MG_PER_UT:.0f} mG",
                 f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down, fixed to the body: {why} "
-                "near the compass",
+                f"near the compass{doubt}",
             )
         )
     return found
+
+
+def _is_shown(piece: SentFields, usual: SentFields, least_ut: float) -> bool:
+    """Whether two parts differ, whatever the heading was, or by more than its error may be.
+
+    What a scale error leaves of the earth's field turns with the vehicle.
+    """
+    (norm, down, error, sigma), before = _about_vertical(piece), _about_vertical(usual)
+    turned = abs((error - before[2] + math.pi) % math.tau - math.pi)
+    changed = math.hypot(norm - before[0], down - before[1])
+    return changed >= least_ut or turned > SURE_TURNED * math.hypot(sigma, before[3])
+
+
+def _about_vertical(rows: SentFields) -> tuple[float, float, float, float]:
+    """Medians of strength, vertical part, direction about it, and our heading's deviation."""
+    return (
+        float(np.median(np.linalg.norm(rows.m_b_ut, axis=1))),
+        float(np.median((rows.m_b_ut * rows.down_b).sum(axis=1))),
+        float(np.median(rows.error_rad)),
+        float(np.median(rows.sigma_rad)),
+    )
 
 
 # --- what was there all the time --------------------------------------------------------------
@@ -430,8 +468,7 @@ def _lever(rows: SentFields) -> Array | None:
     if not known.all() or not rows.flying.all():
         return None
     low, high = np.quantile(rows.throttle, (0.05, 0.95))
-    largest = float(np.abs(rows.throttle).max())
-    return rows.throttle if high - low > THROTTLE_SPREAD * max(1.0, largest) else None
+    return rows.throttle if high - low > _least_spread(rows.throttle) else None
 
 
 def _constant(

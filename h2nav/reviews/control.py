@@ -142,15 +142,18 @@ def _turning_since(off: Mask, rate: Array) -> Mask:
 def _alone(errors: ControlErrors, bins: Bins, impacts: Sequence[Impact]) -> list[Finding]:
     """Attitudes that went far from their demand and stayed there, wherever it ended.
 
-    An estimator that tumbles by itself also leaves the demand, so the vehicle must turn.
+    An estimator that tumbles by itself also leaves the demand, so the vehicle must turn. Who was
+    never near to it has lost nothing.
     """
     found = []
+    held_s = GRID_S * np.cumsum((errors.size_rad < LEFT_RAD) & errors.flies)
     for first, last in runs((errors.size_rad > LOST_RAD) & errors.flies):
         t_s = errors.t_s[first]
         known = any(i.t_s - BEFORE_S < t_s <= i.to_s + BEFORE_S for i in impacts)
         near = (bins.t_s > t_s - LOST_S) & (bins.t_s < t_s + LOST_S)
         turns = bins.peak_rad_s[near].max(initial=0.0) > TURNS_RAD_S
-        if errors.t_s[last] - t_s >= LOST_S and turns and not known:
+        was_held = held_s[first] >= LOST_S
+        if errors.t_s[last] - t_s >= LOST_S and was_held and turns and not known:
             found.append(_finding(errors, first, last))
     return found[:1]
 

@@ -41,7 +41,8 @@ TOGETHER_SHARE = 0.85
 # against its demand.
 ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
 ALONE_S = 0.3
-FALLEN_G = 0.85
+# What strikes a vehicle pushes it sideways by its weight; motors and drag do by half of it.
+FALLEN_G, STRUCK_G = 0.85, 1.0
 # A weak motor is at its limit alone, the next one below this, for this long; the vehicle sinks.
 NEAR_LIMIT_SHARE, WEAK_S, SINKS_M_S = 0.9, 2.0, 0.5
 THRUST_LOSS = re.compile(r"thrust loss \((\d+)\)", re.IGNORECASE)
@@ -335,9 +336,11 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
         for first, last in joined(pieces, t_s, BEFORE_S):
             part = slice(first, last + 1)
             sinks = _sinks(sources, float(t_s[first]), float(t_s[last]))
+            others = np.delete(outputs.share[part], column, axis=1)
             if t_s[last] - t_s[first] < WEAK_S or sinks < SINKS_M_S:
                 continue
-            others = np.delete(outputs.share[part], column, axis=1)
+            if others.mean() > TOGETHER_SHARE:
+                continue
             return [
                 _failure(
                     number,
@@ -373,10 +376,12 @@ def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
         for first, last in runs(alone):
             before = slice(max(first - 2 * window, 0), first + 1)
             force = np.linalg.norm(bins.f_b[before], axis=1) / GRAVITY_M_S2
+            across = np.linalg.norm(bins.f_b[before, :2], axis=1) / GRAVITY_M_S2
             quiet = slice(max(first - 4 * window, 0), max(first - 2 * window, 1))
             if (
                 bins.t_s[last] - bins.t_s[first] + BIN_S < ALONE_S
                 or force.min(initial=1.0) > FALLEN_G
+                or across.max() > STRUCK_G
                 or np.median(rate[quiet]) > FAILED_RAD_S
             ):
                 continue

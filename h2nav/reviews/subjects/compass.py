@@ -99,7 +99,10 @@ KINDS = (
         section="compass",
         traits=Trait.UPSET,
         shown_by="steps of the field fixed to the body",
-        limit="12 % of the earth's field within 2 s",
+        limit=(
+            "12 % of the earth's field within 2 s; a note with the throttle, or if strength and "
+            "dip stay and it turned by less than three deviations of our heading"
+        ),
     ),
 )
 

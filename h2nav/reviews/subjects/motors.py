@@ -30,7 +30,8 @@ KINDS = (
         traits=Trait.EACH,
         shown_by=(
             "an output that is reassigned in flight; ArduPilot's thrust loss check; one motor at "
-            "full demand, the others low, while the vehicle turns and the force falls"
+            "full demand, the others low, while the vehicle turns and the force falls, without a "
+            "blow from the side"
         ),
         limit="98.5 % against 50 % for 0.3 s, 60 deg/s, 0.85 g",
     ),

@@ -13,7 +13,7 @@ from reviewed_flights import (
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
-from h2nav.recordings.context import Array
+from h2nav.recordings.context import Array, Series
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.compass import detect_compass
 from h2nav.reviews.flight import Flight
@@ -97,6 +97,18 @@ def test_a_magnet_that_comes_and_goes_has_its_times_and_its_field():
     )
 
 
+@pytest.mark.parametrize(("throttle", "severity"), [(0.1, "notice"), (0.45, "warning")])
+def test_a_magnet_that_comes_with_the_throttle_may_be_of_the_motors(throttle, severity):
+    flown = flight("hover")
+    t_s = flown.context.imus[0].t_s
+    is_there = t_s > 40.0
+    series = Series(t_s, np.where(is_there, 0.45, throttle))
+    flown = flown._replace(context=flown.context._replace(throttle=series))
+    magnet = is_there[:, None] * np.array([12.0, -8.0, 3.0])
+    found = analyse(with_field(flown, measured(flown) + magnet)).findings
+    assert [one.severity.word for one in found if one.kind == "compass_step"] == [severity]
+
+
 def test_a_magnet_that_stays_is_not_taken_for_the_usual_field():
     flown = flight()
     t_s = flown.context.imus[0].t_s
@@ -105,6 +117,19 @@ def test_a_magnet_that_stays_is_not_taken_for_the_usual_field():
     )
     assert kinds(analysis) == ["compass_step"]
     assert analysis.findings[0].from_s == pytest.approx(30.0, abs=1.0)
+
+
+@pytest.mark.parametrize(("sigma_deg", "severity"), [(8.0, "notice"), (1.0, "warning")])
+def test_a_field_that_turned_no_further_than_our_heading_may_be_wrong_is_a_note(
+    sigma_deg, severity
+):
+    flown = flight("hover")
+    t_s = flown.estimates.t_s
+    ours = estimates("hover", 30.0 * DEG * (t_s > 60.0))
+    ours = ours._replace(sigma_heading_rad=np.full(len(t_s), sigma_deg * DEG))
+    analysis = analyse(flown._replace(estimates=ours))
+    (found,) = [one for one in analysis.findings if one.kind == "compass_step"]
+    assert found.severity.word == severity
 
 
 def test_soft_iron_of_a_fifth_is_told():

@@ -105,6 +105,12 @@ def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
     level = Series(T_S, np.full(len(T_S), 40.0))
     no_descent = told(flown(Series(T_S, sinks), level, **changes | {"said": ()}))[0]
     assert Kind.MOTOR_FAILED not in no_descent
+    # With the others near their limit it is thrust that is lacking, whichever meets it first.
+    lacking = outputs([(50.0, (0.88, 0.88, 1.0, 0.88)), (60.0, (0.5,) * 4)])
+    no_reserve = told(
+        flown(Series(T_S, sinks), height, **changes | {"motors": lacking, "said": ()})
+    )[0]
+    assert Kind.MOTOR_FAILED not in no_reserve
     assert found[Kind.SAID_CRASH].cause == found[Kind.MOTOR_FAILED].id
 
 

@@ -187,13 +187,19 @@ def test_a_motor_that_is_switched_off_by_a_setting_has_failed():
     assert Kind.MOTOR_FAILED not in kinds(multirotor(changes=(other,)))
 
 
-def test_a_motor_that_is_asked_in_vain_has_failed_and_is_the_cause():
+def asked_in_vain(struck_m_s2: float = 0.0) -> Flight:
+    """Motor 2 at its limit from 58.4 s on, while it falls and turns, and a crash at 60 s.
+
+    Args:
+        struck_m_s2: force from the side at 58 s.
+    """
     flown = tipped(multirotor(), 60.0)
     first = flown.context.imus[0]
     f_b, w_b = first.f_b.copy(), first.w_b.copy()
     falls = (first.t_s > 58.0) & (first.t_s < 59.9)
     f_b[falls] *= 0.5
     w_b[falls, 0] += 4.0
+    f_b[(first.t_s > 58.0) & (first.t_s < 58.2), 1] += struck_m_s2
     pwm_us = motors().pwm_us
     pwm_us[T_S > 58.4] = np.array([1300.0, 1950.0, 1250.0, 1300.0])
     q = np.tile([1.0, 0.0, 0.0, 0.0], (len(T_S), 1))
@@ -202,11 +208,20 @@ def test_a_motor_that_is_asked_in_vain_has_failed_and_is_the_cause():
     attitude = flown.context.attitudes[0]._replace(t_s=T_S, q_nb=q)
     demand = Series(T_S, np.zeros((len(T_S), 3)))
     flown = with_imu(flown, f_b=f_b, w_b=w_b)
-    flown = flown._replace(
+    return flown._replace(
         context=flown.context._replace(
             motors=motors()._replace(pwm_us=pwm_us), attitudes=(attitude,), demand=demand
         )
     )
+
+
+def test_a_motor_that_is_asked_in_vain_after_a_blow_has_not_failed():
+    assert Kind.MOTOR_FAILED in kinds(asked_in_vain())
+    assert Kind.MOTOR_FAILED not in kinds(asked_in_vain(struck_m_s2=20.0))
+
+
+def test_a_motor_that_is_asked_in_vain_has_failed_and_is_the_cause():
+    flown = asked_in_vain()
     analysis = analyse(flown)
     links = chain(flown, analysis)
     assert links.findings[0].kind is Kind.CRASH
@@ -391,6 +406,9 @@ def test_a_vehicle_that_turns_far_from_its_demand_and_flies_on_had_lost_control(
     w_b[(T_S > 60.0) & (T_S < 60.3), 0] += 3.0
     finding = kinds(with_imu(flown._replace(context=context), w_b=w_b))[Kind.LOSS_OF_CONTROL]
     assert finding.from_s == pytest.approx(60.0, abs=0.2)
+    # A log that begins with it shows none that could have been lost.
+    context = context._replace(armed=(Span(60.0, DURATION_S, "armed"),))
+    assert Kind.LOSS_OF_CONTROL not in kinds(with_imu(flown._replace(context=context), w_b=w_b))
 
 
 def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
