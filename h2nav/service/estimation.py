@@ -28,14 +28,14 @@ from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import lanes_wanted
 from h2nav.service.intake import Incoming, Need
-from h2nav.service.lane import SILENT_NS, FilterFor, Lane, Step
+from h2nav.service.lane import NOT_ITS_OWN, SILENT_NS, FilterFor, Lane, Step
 from h2nav.service.lane_selection import CLEARLY, Condition, LaneSelection, Switch, SwitchCause
 from h2nav.service.records import LaneRecord
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.twins import Twins
-from h2nav.wire.imu import ImuMessage, ImuReading
+from h2nav.wire.imu import NUMBERED_IDS, ImuMessage, ImuReading
 from h2nav.wire.vehicle import ParameterValue, Vibration
 
 LOOK_NS = 50_000_000
@@ -283,7 +283,8 @@ class Estimation:
         needs = [(lane, lane.need(t_ns, message_id)) for lane in self._lanes]
         takers = tuple(taker for taker in needs if taker[1])
         until_ns = min([lane.needs_until_ns(message_id, need) for lane, need in needs])
-        self.routes[message_id] = until_ns, takers
+        # At least for the reading that comes now.
+        self.routes[message_id] = max(until_ns, t_ns), takers
         return takers
 
     def take(self, t_ns: int, message_id: int, reading: ImuReading) -> SentSample:
@@ -296,10 +297,11 @@ class Estimation:
         steps: list[tuple[Lane, Step]] = []
         is_accused = False
         route = self.routes.get(message_id)
-        takers = route[1] if route and t_ns < route[0] else self._takers(t_ns, message_id)
+        takers = route[1] if route and t_ns <= route[0] else self._takers(t_ns, message_id)
+        is_numbered = message_id in NUMBERED_IDS
         for lane, need in takers:
             before = lane.newest
-            message = lane.imu_message if need is Need.IDENTITY else None
+            message = lane.imu_message if is_numbered or need is Need.IDENTITY else None
             step = lane.take(incoming, need)
             newest = lane.newest
             if self._are_several and newest is not None and newest is not before:
@@ -307,13 +309,11 @@ class Estimation:
                 self._find_twins(t_ns, lane)
                 if lane is self._lender:
                     self._lend(t_ns, lane, newest)
-            if step.sample is None:
-                is_settled = need is Need.IDENTITY and lane.imu_message is message
-                if not (is_settled or need is Need.FIELD):
-                    self.routes.clear()  # another message may have to feed the lane
-                is_accused |= step.is_accused
-                continue
             is_accused |= step.is_accused
+            if is_numbered or step.sample is None:
+                self._revise_routes(lane, need, step, message)
+            if step.sample is None:
+                continue
             steps.append((lane, step))
             if not self._before_arming.is_armed:
                 seen = newest or step.sample  # with a field that the filter does not use
@@ -328,6 +328,18 @@ class Estimation:
             if lane is self._sent:
                 sent = self._sendable(t_ns, step, switched)
         return sent._replace(is_accused=True) if is_accused else sent
+
+    def _revise_routes(
+        self, lane: Lane, need: Need, step: Step, message: ImuMessage | None
+    ) -> None:
+        """Forgets them if a reading may have changed which messages a lane needs.
+
+        Args:
+            message: in use before it.
+        """
+        is_refused = step.sample is None and step is not NOT_ITS_OWN and need is not Need.IDENTITY
+        if need is not Need.FIELD and (is_refused or lane.imu_message is not message):
+            self.routes.clear()
 
     def _hear_again(self, t_ns: int) -> None:
         """Notes the first reading of an epoch, or the first one after a silence of all lanes."""

@@ -10,7 +10,7 @@ from h2nav.service.health import Objection
 from h2nav.service.imu_choice import FOREVER_NS, ImuChoice, LaneMessages
 from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity, Shown
 from h2nav.service.sample_clock import SampleClock, TimeVerdict
-from h2nav.wire.imu import IMU_MESSAGES, ImuMessage, ImuReading
+from h2nav.wire.imu import IMU_MESSAGES, NUMBERED_IDS, ImuMessage, ImuReading
 
 # Two clocks under one identity are an objection for this long.
 CONTESTED_NS = 5 * SECOND_NS
@@ -125,8 +125,10 @@ class Intake:
         """
         if need is Need.SAMPLE:
             chosen = self._choice.chosen
-            is_in_use = chosen is not None and chosen.message_id == message_id
-            return FOREVER_NS if is_in_use else 0
+            if chosen is None:
+                # Of a message of several IMUs, perhaps none is ever this one's.
+                return FOREVER_NS if message_id in NUMBERED_IDS else 0
+            return FOREVER_NS if chosen.message_id == message_id else 0
         if need is Need.IDENTITY:
             return 0
         return self.idle_until_ns(message_id) if message_id in self._ids else FOREVER_NS

@@ -48,7 +48,7 @@ FIXED_WING_SPEEDS = Speeds(30.0)
 OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
 # Members of enumerations cost a look-up each: these are asked for at every sample.
-ALL, NONE, NEXT = Use.ALL, Use.NONE, TimeVerdict.NEXT
+ALL, NONE, NEXT, SAMPLE = Use.ALL, Use.NONE, TimeVerdict.NEXT, Need.SAMPLE
 # What a lane's velocity says of its sensors, which their comparison with others knows better.
 BY_VELOCITY = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
 FROZEN_PARTS = {
@@ -83,6 +83,7 @@ def _rated(ratios: InnovationRatios) -> _Rated:
 
 
 NO_STEP = Step()
+NOT_ITS_OWN = Step()  # the reading is of another IMU
 ACCUSED = Step(is_accused=True)
 
 
@@ -344,7 +345,8 @@ class Lane:
         if sample is None:
             if verdict is not None:
                 self._trust.refuse(t_ns, verdict.value)
-            return NO_STEP
+                return NO_STEP
+            return NOT_ITS_OWN if need is SAMPLE else NO_STEP
         if verdict is not NEXT and verdict in NEW_EPOCHS:
             self.event = event = verdict
             self._begin_epoch()
