@@ -120,7 +120,7 @@ def _before(errors: ControlErrors, bins: Bins, impact: Impact) -> Finding | None
     pieces = [
         (first, last)
         for first, last in runs(_turning_since(off & near, rate))
-        if errors.t_s[last] >= impact.t_s - 2.0 * LEFT_S
+        if errors.t_s[first] < impact.t_s <= errors.t_s[last] + 2.0 * LEFT_S
         and errors.t_s[last] - errors.t_s[first] + GRID_S >= LEFT_S
     ]
     if not pieces or not errors.flies[max(pieces[-1][0] - 5, 0) : pieces[-1][0] + 1].any():

@@ -31,6 +31,8 @@ LYING_RAD, LYING_ELSE_RAD = 30.0 * DEG, 45.0 * DEG
 STILL_RAD_S = 3.0 * DEG
 # Rougher and quicker than a person turning the vehicle over by hand.
 TOPPLED_G, TOPPLED_S = 2.0, 6.0
+# A blow begins where the force leaves what is usual, before it is half as hard as it gets.
+TOUCHED_OF_USUAL = 1.5
 # Harder than a landing on legs, in means of 20 ms: a fall from half a metre.
 BLOW_G, BLOW_RAD_S, BLOW_S = 5.0, 300.0 * DEG, 1.0
 SMOOTHED_S = 0.02
@@ -416,14 +418,17 @@ def _impact(
     if peak_g < TOPPLED_G:
         return None
     first = int(np.flatnonzero(force >= max(0.5 * peak_g, TOPPLED_G))[0])
+    # The blow began while it was less hard, and what it touched then has turned it.
+    felt = force >= max(TOPPLED_G, TOUCHED_OF_USUAL * float(np.median(bins.peak_g)))
+    met = max((last + 1 for last in np.flatnonzero(~felt[:first]).tolist()), default=first)
     after = (bins.t_s >= bins.t_s[first]) & (bins.t_s < bins.t_s[first] + TOPPLED_S)
     rests = np.flatnonzero(after & _steady(bins))
     tilt = float("nan")
     if len(rests):
         tilt = float(_angle(bins.f_b[rests[-1:]], stood)[0])
-    turned, turned_s = _turned(bins, first)
-    is_crash = bool(lies[after].any()) or turned > TURNED_RAD
-    t_s = float(bins.t_s[first])
+    is_crash = bool(lies[after].any()) or _turned(bins, first)[0] > TURNED_RAD
+    turned, turned_s = _turned(bins, met)
+    t_s = float(bins.t_s[met])
     return Impact(t_s, float(span.to_s), peak_g, peak_rad_s, tilt, turned, turned_s, is_crash)
 
 

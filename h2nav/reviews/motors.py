@@ -45,6 +45,8 @@ ALONE_S = 0.3
 FALLEN_G, STRUCK_G = 0.85, 1.0
 # A weak motor is at its limit alone, the next one below this, for this long; the vehicle sinks.
 NEAR_LIMIT_SHARE, WEAK_S, SINKS_M_S = 0.9, 2.0, 0.5
+# A tenth more force than usual in flight brakes a descent: no thrust is lacking.
+BRAKES_SHARE = 1.1
 THRUST_LOSS = re.compile(r"thrust loss \((\d+)\)", re.IGNORECASE)
 FUNCTION = re.compile(r"SERVO\d+_FUNCTION|PWM_(MAIN|AUX)_FUNC\d+")
 MOTOR_FUNCTIONS = {*range(33, 41), *range(82, 86), *range(101, 113)}
@@ -329,8 +331,10 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
     """One motor alone at its limit for seconds, the others far from it, while the vehicle sinks."""
     t_s = outputs.bins.t_s
     sources = climbs(context)
-    if len(sources) < 2 or len(motors.numbers) < 3:
+    if len(sources) < 2 or len(motors.numbers) < 3 or not outputs.flies.any():
         return []
+    force = np.linalg.norm(outputs.bins.f_b, axis=1)
+    usual = float(np.median(force[outputs.flies]))
     for column, number in enumerate(motors.numbers):
         pieces = runs(_alone(outputs.share, column) & outputs.flies)
         for first, last in joined(pieces, t_s, BEFORE_S):
@@ -339,7 +343,7 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
             others = np.delete(outputs.share[part], column, axis=1)
             if t_s[last] - t_s[first] < WEAK_S or sinks < SINKS_M_S:
                 continue
-            if others.mean() > TOGETHER_SHARE:
+            if others.mean() > TOGETHER_SHARE or force[part].mean() > BRAKES_SHARE * usual:
                 continue
             return [
                 _failure(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reviewed_flights import DURATION_S, flight
+from reviewed_flights import DURATION_S, flight, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Battery, Motors, Said, Series, Span
@@ -111,6 +111,11 @@ def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
         flown(Series(T_S, sinks), height, **changes | {"motors": lacking, "said": ()})
     )[0]
     assert Kind.MOTOR_FAILED not in no_reserve
+    # With more force than its weight it brakes.
+    brakes = flown(Series(T_S, sinks), height, **changes | {"said": ()})
+    first = brakes.context.imus[0]
+    pushed = first.f_b * np.where((first.t_s > 50.0) & (first.t_s < 60.0), 1.2, 1.0)[:, None]
+    assert Kind.MOTOR_FAILED not in told(with_imu(brakes, f_b=pushed))[0]
     assert found[Kind.SAID_CRASH].cause == found[Kind.MOTOR_FAILED].id
 
 

@@ -124,6 +124,19 @@ def test_a_blow_that_leaves_it_upright_is_a_hard_landing():
     assert found[Kind.HARD_LANDING].from_s == pytest.approx(100.0, abs=0.3)
 
 
+@pytest.mark.parametrize(("touched_g", "from_s"), [(1.0, 60.0), (2.5, 59.5)])
+def test_a_blow_begins_where_it_is_first_felt_and_turns_the_vehicle_from_then_on(touched_g, from_s):
+    flown = tipped(multirotor(), 60.0)
+    first = flown.context.imus[0]
+    f_b = first.f_b.copy()
+    touches = (first.t_s > 59.5) & (first.t_s <= 60.0)
+    f_b[touches] = np.array([0.0, 0.0, -touched_g * GRAVITY_M_S2])
+    (blow,) = analyse(with_imu(flown, f_b=f_b)).impacts
+    assert blow.t_s == pytest.approx(from_s, abs=0.11)
+    assert blow.is_crash
+    assert (blow.turned_rad > 120.0 * DEG) == (touched_g < 2.0)
+
+
 def test_a_second_impact_has_its_own_time():
     flown = tipped(landed_hard(multirotor(), 60.0, 70.0), 100.0)
     times = [impact.t_s for impact in analyse(flown).impacts]
