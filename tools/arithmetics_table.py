@@ -1,8 +1,8 @@
 """How far the filter in integers is from the same filter in floats, over recordings.
 
-Each recording goes through the service once, as a daemon would have it, with the filter in floats;
-a second filter, in integers, is given every input of the first one of IMU 1, doubts and restarts
-included. The estimates of both are compared sample by sample.
+Each recording goes through the service once, as a daemon would have it, with filters in floats;
+beside each of them a second one, in integers, is given every input, doubts and restarts included.
+The estimates of both for IMU 1 are compared sample by sample.
 
     python tools/arithmetics_table.py DIR|FILE ... [--json]
 
@@ -54,10 +54,19 @@ class Pair:
             self.found.append((one, other))
         return one
 
+    def state(self) -> tuple[Any, Any]:
+        """What both know."""
+        return self._first.state(), self._second.state()
+
+    def restore(self, known: tuple[Any, Any]) -> None:
+        """Both begin with what those of another IMU know."""
+        self._first.restore(known[0])
+        self._second.restore(known[1])
+
     def __getattr__(self, name: str) -> Any:
         """What both do, or what the first one is."""
         one = getattr(self._first, name)
-        if not callable(one) or name in ("state", "restore"):
+        if not callable(one):
             return one
 
         def both(*given: Any) -> Any:
@@ -103,11 +112,9 @@ def played(path: Path) -> Pair | None:
     pairs: list[Pair] = []
 
     def made(identity: Identity) -> AttitudeFilter:
-        first = inputs.filters.filter_for(identity)
-        if pairs:  # of a further IMU
-            return first
-        pairs.append(Pair(first, in_integers.filter_for(identity)))
-        return cast("AttitudeFilter", pairs[0])
+        first, second = inputs.filters.filter_for(identity), in_integers.filter_for(identity)
+        pairs.append(Pair(first, second))
+        return cast("AttitudeFilter", pairs[-1])
 
     pipeline = pipeline_for(recording, inputs, None, Watcher(), made)
     for _ in Playback(recording, whole_frames=inputs.whole_frames).through(pipeline):

@@ -1,7 +1,7 @@
 """Writes an analysed kernel as freestanding C99 with the same names, comments and arithmetic."""
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from h2nav.translate.c_expressions import (
@@ -33,6 +33,8 @@ from h2nav.translate.source import (
     read_kernel,
 )
 
+CALLED = "CALLED"  # a macro that the text around the translation defines
+
 
 class Translation(NamedTuple):
     """C text of a kernel: every function static, to be followed by an interface that calls them."""
@@ -47,6 +49,7 @@ def translate(
     entries: Sequence[str],
     initialisers: Sequence[str] = (),
     struct_names: Mapping[str, str] | None = None,
+    called: Collection[str] = (),
 ) -> Translation:
     """Proves the ranges of a kernel and writes it as C99.
 
@@ -55,12 +58,13 @@ def translate(
         entries: functions that will be called from outside; see `ranges.analyse`.
         initialisers: functions that will be called on records of zeros.
         struct_names: record -> its C type; the record's own name for those not in it.
+        called: functions that no compiler is to copy into their callers: marked ``CALLED``.
 
     Raises:
         Refused: with file and line, whatever cannot be translated or proved.
     """
     kernel = read_kernel(sources)
-    for name in (*entries, *initialisers):
+    for name in (*entries, *initialisers, *called):
         if name not in kernel.functions:
             raise Untranslatable(sources[-1].path, ast.Pass(), f"there is no function {name}")
     facts = analyse(kernel, entries, initialisers)
@@ -71,7 +75,10 @@ def translate(
         function = kernel.functions[name]
         writer = _FunctionWriter(kernel, facts, function, writers, runtime, struct_names or {})
         melts = function.path == sources[-1].path or _is_expression(function)
-        writer.inline = melts and name not in (*entries, *initialisers)
+        if name in called:
+            writer.storage = f"static {CALLED}"
+        elif melts and name not in (*entries, *initialisers):
+            writer.storage = "static inline"
         functions.append(writer.text())
     parts = [_constants(kernel, facts), *operations(runtime), *functions]
     return Translation("\n".join(part for part in parts if part), kernel, facts)
@@ -123,7 +130,7 @@ class _FunctionWriter:
         self._homes = home_blocks(function.node.body)
         self._lines: list[str] = []
         # Functions of the entry's own module and single expressions are inlined.
-        self.inline = False
+        self.storage = "static"
         self._declared: set[str] = {argument.arg for argument in function.node.args.args}
         self._last_line = function.node.body[0].lineno - 1
 
@@ -137,8 +144,7 @@ class _FunctionWriter:
         docstring = ast.get_docstring(node)
         if docstring:
             self._lines.extend(comment_lines(docstring, ""))
-        inline = "inline " if self.inline else ""
-        self._lines.append(f"static {inline}{returns} {node.name}({parameters or 'void'})")
+        self._lines.append(f"{self.storage} {returns} {node.name}({parameters or 'void'})")
         self._lines.append("{")
         used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
         unused = [argument.arg for argument in node.args.args if argument.arg not in used]

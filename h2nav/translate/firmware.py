@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.kernel_files import KernelFiles
 from h2nav.attitude.record import Number
-from h2nav.translate.c99 import translate
+from h2nav.translate.c99 import CALLED, translate
 from h2nav.translate.layout import broken
 from h2nav.translate.source import KernelSource, RecordSource, read_kernel
 from h2nav.translate.structs import constant_text, struct_text
@@ -16,6 +16,17 @@ from h2nav.translate.structs import constant_text, struct_text
 # (name without prefix, value, comment)
 Row = tuple[str, int, str]
 STRUCT_NAMES = {"State": "h2nav_filter", "Gains": "h2nav_gains", "Sample": "h2nav_sample"}
+
+
+_CALLED = f"""\
+/* Copied into its callers it would cost code, or registers that they need. */
+#if defined(__GNUC__)
+#define {CALLED} __attribute__((noinline))
+#else
+#define {CALLED}
+#endif
+
+"""
 
 
 class IntegerForm(NamedTuple):
@@ -28,6 +39,7 @@ class IntegerForm(NamedTuple):
     prototypes: str  # of the interface with comments, and what they need
     interface: str  # its functions; the gains are the constant ``GAINS``
     example: str  # a program around them
+    called: tuple[str, ...] = ()  # kernel functions that no compiler is to copy into their callers
 
     @property
     def name(self) -> str:
@@ -108,13 +120,13 @@ def source(form: IntegerForm, firmware: ExportedFirmware, kernels: Sequence[Kern
         Refused: the kernel cannot be translated, or its ranges cannot be proved.
     """
     entries = (form.kernel.entry, *form.more_entries)
-    translation = translate(kernels, entries, ["reset"], STRUCT_NAMES)
+    translation = translate(kernels, entries, ["reset"], STRUCT_NAMES, form.called)
     gains = translation.kernel.records["Gains"]
     return f"""\
 /* Made by h2nav {firmware.version} from {firmware.gains}; see h2nav_filter.h. */
 #include "h2nav_filter.h"
 
-{_struct(gains)}
+{_CALLED if form.called else ""}{_struct(gains)}
 {translation.code}
 /* Gains {firmware.gain_hash} */
 {constant_text(gains.rows, firmware.numbers, "static const h2nav_gains GAINS")}

@@ -162,6 +162,20 @@ def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:
     assert 0.05 < estimate.sigma_tilt_rad < 0.2
 
 
+@pytest.mark.parametrize("missing_s", [0.2, 0.6, 0.95])
+def test_over_missing_samples_the_rate_has_changed_evenly(missing_s: float) -> None:
+    flight = fly(still, 12.0, 8, bias_b=NO_BIAS)
+    filter_ = new_filter(FLYING)
+    before = drive(filter_, flight.samples)[-1]
+    last = flight.samples[-1]
+    t_us = last.t_us + round(missing_s * 1e6)
+    after = filter_.update(last._replace(t_us=t_us, w_b=(0.0, 0.0, 60.0 * DEG), m_b_ut=None))
+    assert before is not None
+    assert after is not None
+    turned_rad = quaternion.angle(before.q_nb, after.q_nb)
+    assert turned_rad == pytest.approx(0.5 * missing_s * 60.0 * DEG, abs=0.1 * DEG)
+
+
 def test_fixes_after_a_gap_do_not_know_the_velocity_before_it() -> None:
     """A standing vehicle that is aided, 4 s of nothing, and aided again: it stays level."""
     flight = fly(still, 24.0, 8, bias_b=NO_BIAS, start=quaternion.from_euler(0.0, 0.05, 0.0))

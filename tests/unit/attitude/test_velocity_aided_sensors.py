@@ -2,6 +2,7 @@
 
 import math
 import random
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -22,6 +23,8 @@ from velocity_flights import (
 )
 
 from h2nav.attitude.samples import ImuSample, SensorDoubt, Trust, Vec3, VehicleState
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.kernel.theta import MAX_WALK
 from h2nav.maths import quaternion
 
@@ -130,27 +133,19 @@ def test_fixes_that_are_later_than_their_stamps_are_seen_to_be() -> None:
     assert rms_deg(tilt_errors(late, found, 7000)) < 0.3
 
 
+@pytest.mark.parametrize("make", [new_filter, new_integer_filter], ids=["floats", "integers"])
 @pytest.mark.parametrize("removed", [0, 20, 30])
-def test_a_delay_that_is_removed_from_the_fixes_does_not_count_twice(removed: int) -> None:
+def test_a_delay_that_is_removed_from_the_fixes_does_not_count_twice(
+    removed: int, make: Callable[[], VelocityAidedFilter | IntegerVelocityAidedFilter]
+) -> None:
     # Late by .2 s, which the filter has learnt when .2 s, or by mistake .3 s, are removed.
     drive = accelerating(90.0, 22, law=turning)
     late = drive._replace(v_n=[drive.v_n[max(i - 20, 0)] for i in range(len(drive.v_n))])
-    filter_, at = new_filter(), 7000
+    filter_, at = make(), 7000
     found = follow(filter_, late, latency=0, removed=(removed, at))
     left_s = filter_.sensor_errors.fix_latency_s
     assert left_s + 0.01 * removed == pytest.approx(0.2, abs=0.03)
     assert rms_deg(tilt_errors(late, found, at)) < 0.3
-
-
-def test_the_latency_of_integers_follows_what_is_removed() -> None:
-    drive = accelerating(90.0, 22, law=turning)
-    late = drive._replace(v_n=[drive.v_n[max(i - 20, 0)] for i in range(len(drive.v_n))])
-    at = 7000
-    before, filter_ = new_integer_filter(), new_integer_filter()
-    follow(before, late, latency=0, until=at + 5)
-    follow(filter_, late, latency=0, until=at + 5, removed=(10, at))
-    left_s = before.sensor_errors.fix_latency_s - 0.1
-    assert filter_.sensor_errors.fix_latency_s == pytest.approx(left_s, abs=0.005)
 
 
 # --- jitter -------------------------------------------------------------------------------------

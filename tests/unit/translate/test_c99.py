@@ -113,6 +113,22 @@ def step(s: Memory, a: I16, b: I32) -> I32:
 '''
 
 
+def test_functions_that_are_to_be_called_are_marked():
+    text = f"""{INTEGER_HEAD}
+def half(x: I16) -> I32:
+    return x >> 1
+
+
+def step(x: I16) -> I32:
+    return half(x) + half(x)
+"""
+    source = [KernelSource("kernel.py", text)]
+    assert "static inline int32_t half(" in translate(source, ["step"]).code
+    assert "static CALLED int32_t half(" in translate(source, ["step"], called=["half"]).code
+    with pytest.raises(Untranslatable, match="there is no function quarter"):
+        translate(source, ["step"], called=["quarter"])
+
+
 def test_c_computes_what_python_computes(tmp_path: Path) -> None:
     rows = read_kernel([KernelSource("kernel.py", EVERYTHING)]).records["Memory"].rows
     code = struct_text("What it remembers.", rows, "Memory") + translated(EVERYTHING)

@@ -96,7 +96,6 @@ class IntegerVelocityAidedBatch:
         table["dt_us"] = (number + 1) * gaps // counts - number * gaps // counts
         table["has_mag"][number < counts - 1] = 0
         table["is_held"] = number > 0
-        table["gap_us"][number > 0] = 0
         return table
 
     def finish(self, part: BatchSamples, table: Table, out: npt.NDArray[Any]) -> BatchResult:

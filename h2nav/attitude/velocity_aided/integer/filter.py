@@ -147,10 +147,10 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         u.has_mag = has_mag if is_last else 0
         u.has_fix = has_fix if is_last else 0
         u.is_held = int(number > 0)
-        u.gap_us = min(dt_us, GAP_MAX_US) if number == 0 and dt_us > GAP_US else 0
+        u.gap_us = min(dt_us, GAP_MAX_US) if dt_us > GAP_US else 0
         u.dt_us = (number + 1) * dt_us // steps - number * dt_us // steps
         yield u
-    u.is_held = 0
+    u.is_held = u.gap_us = 0
 
 
 class ForceNoise:
@@ -501,8 +501,10 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s.fix_lag, s.fix_lag_variance = 0, self._g.fix_lag_variance
 
     def _shift_latency(self, change_s: float, removed_s: float) -> None:
-        lag = self._state.fix_lag + round(change_s * 2.0**30)
-        self._state.fix_lag = min(max(lag, 0), self._g.fix_lag_limit)
+        s = self._state
+        s.fix_removed = row(State, "fix_removed").fixed(removed_s)
+        lag = s.fix_lag + round(change_s * 2.0**30)
+        s.fix_lag = min(max(lag, -s.fix_removed), self._g.fix_lag_limit)
 
     def _find_in_air(self, found: Leveled) -> None:
         s, u = self._state, self._sample

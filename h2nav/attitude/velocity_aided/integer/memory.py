@@ -114,6 +114,9 @@ class State(SharedFields):
     gyro_step: list[I32] = integers(
         3, -2 * RATE_COARSE, 2 * RATE_COARSE, "rad/us", "its change from the one before it", q=31
     )
+    gap_gyro: list[I32] = integers(
+        3, -2 * RATE_LIMIT - 512, 2 * RATE_LIMIT + 512, "rad/us", "rate over missing samples", q=40
+    )
     saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
     rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
     dtheta: list[I32] = integers(
@@ -337,7 +340,12 @@ class State(SharedFields):
     gain_accel: list[I32] = integers(
         2, -32768, 32767, "", "covariance of that bias with the measurement, scaled as gain_h"
     )
-    fix_lag: I32 = integer(0, LATENCY_MAX, "s", "how late fixes are, beyond their stamps", q=30)
+    fix_lag: I32 = integer(
+        -LATENCY_MAX, LATENCY_MAX, "s", "how late fixes are, beyond their stamps", q=30
+    )
+    fix_removed: I32 = integer(
+        0, LATENCY_MAX, "s", "of how late they are, what their times no longer have", q=30
+    )
     dfix_lag: I32 = integer(
         -LATENCY_MAX, LATENCY_MAX, "s", "correction of it that the frame has found", q=30
     )
@@ -399,7 +407,7 @@ class Sample:
         0,
         GAP_MAX_US,
         "us",
-        "after missing samples, with the first part: time since the last",
+        "after missing samples, with every part: time since the last",
     )
     clipped: I32 = integer(
         0, 2, "", "1: the rate counts, force and field do not; 2: the rate is sure"

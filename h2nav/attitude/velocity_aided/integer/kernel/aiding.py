@@ -218,7 +218,8 @@ def apply_lag(s: State, g: Gains) -> None:
     Source: docs/filter.md Eq. (19), (38).
     """
     before = s.fix_lag
-    s.fix_lag = clamp(before + s.dfix_lag, 0, g.fix_lag_limit)
+    # a fix is late, not early; too much may have been removed from its time
+    s.fix_lag = clamp(before + s.dfix_lag, -s.fix_removed, g.fix_lag_limit)
     change = s.fix_lag - before
     s.dfix_lag = 0
     velocity = [0, 0]

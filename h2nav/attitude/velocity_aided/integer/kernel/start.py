@@ -113,6 +113,7 @@ def begin(s: State, g: Gains, sample: Sample, tilt_sigma: I32) -> None:
         s.accel_carry[i] = 0
         s.gyro_last[i] = s.gyro_lp[i] >> 12
         s.gyro_step[i] = 0
+        s.gap_gyro[i] = s.gyro_lp[i] >> 3
         s.accel_last[i] = sample.accel[i] >> 12
         s.accel_step[i] = 0
     for i in range(4):

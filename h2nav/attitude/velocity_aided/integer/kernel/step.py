@@ -56,14 +56,17 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
     r = [0, 0, 0, 0, 0, 0, 0, 0, 0]
     met = [0]
     bits = 0
-    propagate(s.q_nb, s.gyro_bias, s.turn_carry, sample.gyro, sample.dt_us, met)
+    if sample.gap_us > 0:
+        if sample.is_held == 0:
+            doubt_gap(s, g, sample)
+        propagate(s.q_nb, s.gyro_bias, s.turn_carry, s.gap_gyro, sample.dt_us, met)
+    else:
+        propagate(s.q_nb, s.gyro_bias, s.turn_carry, sample.gyro, sample.dt_us, met)
     rotation(s.q_nb, r)
     dt_us = sample.dt_us
     s.age_us = clamp(s.age_us + dt_us, 0, AGE_MAX_US)
     s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MAX_US)
     s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MAX_US)
-    if sample.gap_us > 0:
-        doubt_gap(s, g, sample)
     if sample.clipped > 0:
         if sample.clipped < FORCE_LOST:
             doubt_rate(s, g, sample)

@@ -205,9 +205,10 @@ def raise_tilt_sigma(s: State, angle: I32) -> None:
 
 
 def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
-    """Doubts tilt and velocity after missing samples.
+    """Doubts tilt and velocity after missing samples, and takes the rate between them.
 
-    The rate has changed by what the samples at both ends show, and by as much as it varied before.
+    It is taken to have changed evenly. How far that may be wrong is shown by its change, and by how
+    much it varied before.
 
     Source: docs/fixed-point.md Eq. (38); docs/filter.md Eq. (73).
     """
@@ -217,10 +218,11 @@ def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
     for i in range(3):
         mean = (s.gyro_lp[i] - (s.gyro_bias[i] >> 9)) >> 15
         varied -= mean * mean
-        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) >> 8
-        change = (rate - s.gyro_last[i]) >> 3
+        rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
+        s.gap_gyro[i] = rate + (s.gyro_last[i] << 8) + 128
+        change = ((rate >> 8) - s.gyro_last[i]) >> 3
         changed += change * change
-        s.gyro_last[i] = rate
+        s.gyro_last[i] = rate >> 8
         s.gyro_step[i] = 0
     square = clamp(varied, 0, 1 << 29) + changed
     # half the time times the rate: 1e6 2^-28 rad/s times microseconds is rad, Q28
