@@ -50,6 +50,8 @@ RAMP_M_S2 = 2.0
 # the largest residuals.
 ONSETS = (2, 3, 5, 8, 13, 20)
 JUMPS = 2
+# Rows behind a jump that show that the velocity did no more than jump.
+JUMP_ROWS = 3
 # Additional latency of a receiver.
 FAILED_LAG_S = 0.5
 # Vibration: multiple of the noise in the samples of the force, and at least this, m^2/s^3, since
@@ -112,6 +114,8 @@ class Explained(NamedTuple):
     tilt_rad: float = 0.0
     heading_rad: float = 0.0  # the same of its heading
     drift_m_s2: float = 0.0  # deviation of a drift of the velocity, if that may be false
+    # whether the best cause is a jump of the velocity, with rows behind it that agree again
+    has_jumped: bool = False
 
     def share(self, cause: Cause) -> float:
         """Probability of a cause."""
@@ -246,18 +250,22 @@ class _Comparison:
         shares = tuple((cause, math.exp(one - best) / whole) for cause, one in odds.items())
         winner = max(odds, key=lambda cause: odds[cause])
         mine = [one for one in variants if one.cause is winner]
-        is_seen, step = self._shaken > SHAKEN_DENSITY, 0.0
+        is_seen, step, has_jumped = self._shaken > SHAKEN_DENSITY, 0.0, False
         if mine:
             likeliest = _likeliest(mine)
             is_seen = self._is_beyond_receiver(winner) and self._is_seen(mine)
             is_seen = is_seen and not self._leaves(likeliest)
+            is_jump = winner is Cause.VELOCITY and not likeliest.drifts
+            has_jumped = is_jump and len(self._rows) - likeliest.begun > JUMP_ROWS
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
         # Samples of a shaken force do not show its mean: nothing can be estimated from them.
         if self._shaken <= SHAKING_DENSITY:
             rate_b, force_b = self._rate(variants), self._force(variants)
-        found = Explained(max(best - none, 0.0), shares, is_seen, rate_b, force_b, step)
+        found = Explained(
+            max(best - none, 0.0), shares, is_seen, rate_b, force_b, step, has_jumped=has_jumped
+        )
         return self._with_errors(found, variants)
 
     def _with_errors(self, found: Explained, variants: Sequence[_Variant]) -> Explained:

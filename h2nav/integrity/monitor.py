@@ -65,7 +65,8 @@ KEPT_OPEN = math.exp(-1e-6 * JUDGED_US / OPEN_S)
 SURE_S = 2.0
 # From this ratio of a velocity on, a cause is searched.
 SUSPICIOUS_RATIO = 0.2
-# A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro.
+# A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro. A
+# velocity that is decided to have jumped, and agrees again, begins like nothing else.
 BLAME_US = 2_500_000
 # An undecided sensor is estimated anew after a suspicion of this duration.
 SUSPECTED_US = 700_000
@@ -494,7 +495,10 @@ class Monitor:
     def _is_contradicted_by_velocity(self, t_us: int, found: Explained | None) -> bool:
         """Whether a false velocity is the cause, or so probably that it is safer not to use it."""
         since_us = self._contradicted_us
-        if found is None or since_us is None or t_us - since_us < BLAME_US:
+        if found is None or since_us is None:
+            return False
+        has_jumped = found.has_jumped and found.decided is Cause.VELOCITY
+        if t_us - since_us < BLAME_US and not has_jumped:
             return False
         if self.vibration_m_s2 > RECTIFIED_M_S2:
             return False

@@ -38,7 +38,7 @@ def test_a_spoofed_velocity_stays_out_for_as_long_as_it_is_false():
 def test_a_step_of_the_velocity_is_named_with_its_position():
     _, found = flown("gps-step=2@70.0+20", rate_hz=100.0)
     assert found["outcome"] == "right"
-    assert found["named_after_s"] < 4.0
+    assert found["named_after_s"] < 2.0
     assert kinds(found) == set()
 
 

@@ -211,6 +211,7 @@ def test_a_drift_opens_the_tilt_by_what_it_would_bend():
     found = signature(v_at=lambda t_s, v_n: ramp(35.0 + t_s, v_n[round(100.0 * t_s)]))
     assert found.share(Cause.VELOCITY) > 0.9
     assert found.drift_m_s2 == pytest.approx(0.7, rel=0.2)
+    assert not found.has_jumped
 
 
 @pytest.mark.parametrize(("at_s", "is_decided"), [(1.1, False), (5.1, True), (8.1, True)])
@@ -222,6 +223,15 @@ def test_a_jump_is_decided_while_what_was_before_is_seen(at_s, is_decided):
     found = signature(v_at=jumped)
     assert found.share(Cause.VELOCITY) > 0.9
     assert (found.decided is Cause.VELOCITY) is is_decided
+
+
+@pytest.mark.parametrize(("at_s", "has_jumped"), [(8.1, True), (9.7, False)])
+def test_a_jump_is_one_once_the_velocity_agrees_again(at_s, has_jumped):
+    def jumped(t_s, v_n):
+        north, east, down = v_n[round(100.0 * t_s)]
+        return (north + (2.0 if t_s > at_s else 0.0), east, down)
+
+    assert signature(v_at=jumped).has_jumped is has_jumped
 
 
 def test_vibration_that_the_samples_show_is_named():
