@@ -1,12 +1,12 @@
-/* The arithmetic of integrity/normal_equations.py, which says what each function does. Sums are
- * added in the order in which Python adds them, so that the bits are the same. All buffers hold
- * doubles; triangles are packed, row by row. */
+/* The arithmetic of integrity/normal_equations.py and integrity/composition.py, which say what each
+ * function does. Sums are added in the order in which Python adds them, so that the bits are the
+ * same. All buffers hold doubles; triangles are packed, row by row. */
 #include "likelihood.h"
 
 #include <math.h>
 #include <string.h>
 
-enum { MAX_BUFFERS = 7, MAX_COLUMNS = 64 };
+enum { MAX_BUFFERS = 8, MAX_COLUMNS = 64 };
 
 static size_t numbers(const Py_buffer *buffer)
 {
@@ -227,4 +227,99 @@ PyObject *likelihood_spread(PyObject *self, PyObject *arguments)
         }
     }
     return released(b, 4, fits, 0.0);
+}
+
+/* Of integrity/composition.py. */
+enum {
+    TURNS = 7,
+    USED = 6,
+    TURNED = 3,
+    BENT = TURNED + 3 * TURNS,
+    PUSHED = BENT + 3 * TURNS,
+    NUMBERS = PUSHED + 6,
+    MEASURED = 12,
+    COLUMNS = 17
+};
+
+static double along(const double *axis, const double *v)
+{
+    return axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2];
+}
+
+static void in_n(const double *to_n, const double *v, double *found)
+{
+    for (size_t axis = 0; axis < 3; axis++) {
+        found[axis] = along(to_n + 3 * axis, v);
+    }
+}
+
+/* One row of the table, of one axis: what is left, and the effects of all unknowns. */
+static void compose_row(const double *known, const double *bent, const double *tilt,
+                        const double *measured, double gained, double *column, size_t wide)
+{
+    double expected = 0.0 + known[0] * bent[0] + known[1] * bent[1] + known[2] * bent[2];
+    expected = expected - bent[USED] + (known[3] * bent[TURNS] + known[4] * bent[TURNS + 1]);
+    *column = measured[0] - gained - expected;
+    for (size_t i = 0; i < 3; i++) {
+        *(column += wide) = tilt[i];
+    }
+    for (size_t i = 0; i < TURNS + 2; i++) {
+        if (i != USED) {
+            *(column += wide) = bent[i];
+        }
+    }
+    for (size_t i = 2; i < MEASURED; i += 2) {
+        *(column += wide) = measured[i];
+    }
+}
+
+PyObject *likelihood_compose(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*y*y*(w*w*w*w*)", &b[0], &b[1], &b[2], &b[3], &b[4],
+                          &b[5], &b[6], &b[7])) {
+        return NULL;
+    }
+    const size_t rows = numbers(&b[3]) / MEASURED;
+    const int fits = numbers(&b[0]) == 9 && numbers(&b[1]) == 5 &&
+                     numbers(&b[2]) == rows * NUMBERS && numbers(&b[3]) == rows * MEASURED &&
+                     numbers(&b[4]) == 2 * rows * COLUMNS && numbers(&b[5]) == 3 * rows &&
+                     numbers(&b[6]) == 9 * rows && numbers(&b[7]) == 3 * TURNS;
+    if (fits) {
+        const double *to_n = b[0].buf, *known = b[1].buf, *own = b[2].buf, *measured = b[3].buf;
+        double *table = b[4].buf, *g = b[5].buf, *turns = b[6].buf, *in_all = b[7].buf;
+        double turned[3 * TURNS] = {0.0};
+        for (size_t row = 0; row < rows; row++, own += NUMBERS, measured += MEASURED, g += 3) {
+            double bent[2][TURNS + 2];
+            for (size_t k = 0; k < TURNS + 2; k++) {
+                const double *v = own + BENT + 3 * k;
+                double sum[3] = {v[0], v[1], v[2]};
+                if (k < TURNS) {
+                    const double *t = turned + 3 * k;
+                    sum[0] += t[1] * own[2] - t[2] * own[1];
+                    sum[1] += t[2] * own[0] - t[0] * own[2];
+                    sum[2] += t[0] * own[1] - t[1] * own[0];
+                }
+                bent[0][k] = along(to_n, sum);
+                bent[1][k] = along(to_n + 3, sum);
+            }
+            in_n(to_n, own, g);
+            const double tilts[2][3] = {{0.0, g[2], -g[1]}, {-g[2], 0.0, g[0]}};
+            for (size_t axis = 0; axis < 2; axis++) {
+                compose_row(known, bent[axis], tilts[axis], measured + axis, g[axis],
+                            table + axis * rows + row, 2 * rows);
+            }
+            for (size_t k = 0; k < 3; k++) {
+                in_n(to_n, turned + 3 * k, turns + 9 * row + 3 * k);
+            }
+            for (size_t i = 0; i < 3 * TURNS; i++) {
+                turned[i] += own[TURNED + i];
+            }
+        }
+        for (size_t k = 0; k < TURNS; k++) {
+            in_n(to_n, turned + 3 * k, in_all + 3 * k);
+        }
+    }
+    return released(b, 8, fits, 0.0);
 }

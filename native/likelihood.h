@@ -1,4 +1,4 @@
-/* The arithmetic of integrity/normal_equations.py: its functions, under their names. */
+/* The arithmetic of integrity/normal_equations.py and composition.py, under their names. */
 #ifndef H2NAV_LIKELIHOOD_H
 #define H2NAV_LIKELIHOOD_H
 
@@ -11,5 +11,6 @@ PyObject *likelihood_fit(PyObject *self, PyObject *arguments);
 PyObject *likelihood_extend(PyObject *self, PyObject *arguments);
 PyObject *likelihood_unknowns(PyObject *self, PyObject *arguments);
 PyObject *likelihood_spread(PyObject *self, PyObject *arguments);
+PyObject *likelihood_compose(PyObject *self, PyObject *arguments);
 
 #endif

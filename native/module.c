@@ -6,7 +6,7 @@
  *   workspace  writable buffer: where it works out a step; empty for a kernel that needs none
  *   gains      buffer: its gains
  *   samples    buffer: samples, one behind the other
- *   results    writable buffer, one row of result_columns numbers per sample: attitude, bias, bits,
+ *   results    writable buffer, one row of 13 numbers per sample: attitude, bias, bits,
  *              and, of kernels that have them, deviations of tilt and heading, whether a velocity
  *              holds the attitude, and the velocity gained since
  * It returns the bits of the last sample.
@@ -15,6 +15,7 @@
  * `count` numbers, which writes them into the sample from number `first` on, processes it and
  * returns bits. It holds the buffers: a step costs half of what `run` takes.
  *
+ * interface is raised with every change of what is offered here (attitude/native.py expects one);
  * kernel_digest tells which version of the Python kernels the C was translated from, number_codes
  * of each kernel whether its numbers are doubles (d) or 32-bit integers (i).
  */
@@ -28,6 +29,7 @@
 static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
 enum {
+    INTERFACE = 2,
     RESULT_COLUMNS = 13,
     BUFFERS = 5,
     BATCH_ROWS = 64,
@@ -191,6 +193,7 @@ static PyMethodDef methods[] = {
     {"extend", likelihood_extend, METH_VARARGS, "Integrates further unknowns out."},
     {"unknowns", likelihood_unknowns, METH_VARARGS, "The most probable unknowns."},
     {"spread", likelihood_spread, METH_VARARGS, "What the covariance of unknowns is made of."},
+    {"compose", likelihood_compose, METH_VARARGS, "Rows to the columns of a window."},
     {NULL, NULL, 0, NULL},
 };
 
@@ -212,7 +215,7 @@ PyMODINIT_FUNC PyInit__native(void)
     PyObject *module = bound_type == NULL ? NULL : PyModule_Create(&definition);
     if (module != NULL &&
         (PyModule_AddStringConstant(module, "kernel_digest", KERNEL_DIGEST) != 0 ||
-         PyModule_AddIntConstant(module, "result_columns", RESULT_COLUMNS) != 0 ||
+         PyModule_AddIntConstant(module, "interface", INTERFACE) != 0 ||
          PyModule_AddStringConstant(module, "number_codes", codes) != 0)) {
         Py_DECREF(module);
         return NULL;

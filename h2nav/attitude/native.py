@@ -21,6 +21,8 @@ SWITCH = "H2NAV_NATIVE"
 # numbers that the compiled loop writes per sample: attitude, bias, the step's bits, deviations,
 # whether a velocity holds the attitude, and the velocity gained
 RESULT_COLUMNS = 13
+# what the extension has to offer: its functions and results; as in native/module.c
+INTERFACE = 2
 
 
 def native_kernels() -> ModuleType | None:
@@ -54,7 +56,7 @@ def _current_build() -> ModuleType | None:
     texts = [
         folder.joinpath(path).read_text("utf-8") for kernel in COMPILED for path in kernel.files
     ]
-    fits = getattr(native, "result_columns", 0) == RESULT_COLUMNS
+    fits = getattr(native, "interface", 0) == INTERFACE
     return native if fits and native.kernel_digest == digest(texts) else None
 
 

@@ -12,21 +12,20 @@ import math
 import statistics
 from array import array
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from operator import add, mul
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from h2nav.attitude.native import native_kernels
 from h2nav.attitude.samples import SensorErrors, Vec3
+from h2nav.integrity import composition
+from h2nav.integrity.composition import BENT, COLUMNS, TURNED, TURNS, VECTORS
 from h2nav.integrity.velocity_windows import STALE_US, Level, Mark
 from h2nav.maths.quaternion import Quat, conjugate, multiply, rotate
 
 # Velocities closer in time share the receiver's error.
 ROW_S = 0.35
 LENGTH_S = 10.0
-# Turns in order: the gyro's bias and its scale (three axes each), the bias that was used.
-TURNS = 7
-USED = 6
-# Vectors of a row in order.
-GAINED, TURNED, BENT, PUSHED, VECTORS = 0, 1, 1 + TURNS, 1 + 2 * TURNS, 3 + 2 * TURNS
 # Most that rare deviations count, in usual ones.
 SELDOM = 3.0
 # Horizontal acceleration of a vehicle of which nothing is known, and of the calmest one, m/s^2 rms;
@@ -50,7 +49,8 @@ class VelocityRow(NamedTuple):
     # change of the acceleration with time at its beginning, m/s^3, north and east
     begun_jerk_n: Level
     ended_jerk_n: Level  # the same at its end
-    # vectors one after the other (a tuple of tuples is five times as large): GAINED, the
+    # vectors one after the other (a tuple of tuples is five times as large), as in
+    # `composition`: GAINED, the
     # integral of the specific force, m/s; TURNED, the negative angle of each of TURNS, per
     # unit; BENT, the effect of these turns on the gained velocity, per the same units;
     # PUSHED, minus the integral of the body's axes x and y, s
@@ -68,6 +68,13 @@ class VelocityRow(NamedTuple):
         """Effect of the antenna's place on the change of velocity, per m along each axis."""
         pairs = zip(self.begun.swept_n, self.ended.swept_n, strict=True)
         return [(b[0] - a[0], b[1] - a[1]) for a, b in pairs]
+
+    @property
+    def measured(self) -> list[float]:
+        """What is measured of it, as `composition.compose` takes it."""
+        (a, b), (c, d) = self.begun.v_n, self.ended.v_n
+        levels = ((c - a, d - b), *self.late, *self.swept)
+        return [part for level in levels for part in level]
 
     @property
     def began_late(self) -> tuple[Level, Level]:
@@ -249,57 +256,29 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
     Dead reckoning uses the attitude, the gyro's and the accelerometer's bias at the beginning of
     the first row: later estimates of these already contain the velocities in question.
     """
-    first = rows[0]
+    first, count = rows[0], len(rows)
     q_ns, bias_b = first.begun.moment.q_ns, first.begun.moment.bias_b
-    force_b = first.errors.force_bias_b
-    to_n = tuple(rotate(conjugate(q_ns), axis) for axis in AXES)
-    turned = [NOTHING] * TURNS
-    levels: tuple[list[tuple[float, ...]], list[tuple[float, ...]]] = ([], [])
-    gained, turns = [], []
-    for row in rows:
-        own, late, swept = _vectors(row.integrals), row.late, row.swept
-        g = _in_n(to_n, own[GAINED])
-        tilts = ((0.0, g[2], -g[1]), (-g[2], 0.0, g[0]))
-        by_axis = zip(levels, _bent(to_n, own, turned), tilts, strict=True)
-        for i, (into, bent, tilt) in enumerate(by_axis):
-            pushed_x, pushed_y = bent[TURNS:]
-            known = 0.0 + bias_b[0] * bent[0] + bias_b[1] * bent[1] + bias_b[2] * bent[2]
-            known = known - bent[USED] + (force_b[0] * pushed_x + force_b[1] * pushed_y)
-            differs = row.ended.v_n[i] - row.begun.v_n[i] - g[i] - known
-            by_receiver = (part[i] for part in (*late, *swept))
-            into.append((differs, *tilt, *bent[:USED], pushed_x, pushed_y, *by_receiver))
-        gained.append(g)
-        x, y, z = turned[:3]
-        turns.append((_in_n(to_n, x), _in_n(to_n, y), _in_n(to_n, z)))
-        more = zip(turned, own[TURNED:BENT], strict=True)
-        turned = [(p + u, q + v, r + w) for (p, q, r), (u, v, w) in more]
-    left, *of = [list(column) for column in zip(*levels[0], *levels[1], strict=True)]
-    *in_all, used = [_in_n(to_n, t) for t in turned]
+    to_n = array("d", chain.from_iterable(rotate(conjugate(q_ns), axis) for axis in AXES))
+    known = array("d", (*bias_b, *first.errors.force_bias_b[:2]))
+    integrals = array("d", b"".join([row.integrals.tobytes() for row in rows]))
+    measured = array("d", chain.from_iterable(row.measured for row in rows))
+    sizes = (2 * count * COLUMNS, 3 * count, 9 * count, 3 * TURNS)
+    table, gained, turned, in_all = found = tuple(array("d", bytes(8 * size)) for size in sizes)
+    _sums().compose(to_n, known, integrals, measured, found)
+    left, *of = [table[i : i + 2 * count].tolist() for i in range(0, len(table), 2 * count)]
+    *turned_in_all, used = _vectors(in_all)
+    turns = _vectors(turned)
     used = plus(NOTHING, -1.0, used)
-    for bias, per_unit in zip(bias_b, in_all, strict=False):
+    for bias, per_unit in zip(bias_b, turned_in_all, strict=False):
         used = plus(used, bias, per_unit)
-    return VelocityColumns(left, of, gained, turns, tuple(in_all), used)
+    each = list(zip(turns[::3], turns[1::3], turns[2::3], strict=True))
+    return VelocityColumns(left, of, _vectors(gained), each, tuple(turned_in_all), used)
 
 
-def _bent(
-    to_n: Sequence[Vec3], own: Sequence[Vec3], turned: Sequence[Vec3]
-) -> tuple[list[float], list[float]]:
-    """North and east of what the turns of a row and of those before do to the velocity, and PUSHED.
-
-    Written out: as calls for each vector it took a twentieth of a review.
-    """
-    (a, b, c), (d, e, f) = to_n[0], to_n[1]
-    x, y, z = own[GAINED]
-    pairs = zip(turned, own[BENT:PUSHED], strict=True)
-    vectors = [
-        (u + (q * z - r * y), v + (r * x - p * z), w + (p * y - q * x))
-        for (p, q, r), (u, v, w) in pairs
-    ]
-    vectors += own[PUSHED:]
-    return (
-        [a * u + b * v + c * w for u, v, w in vectors],
-        [d * u + e * v + f * w for u, v, w in vectors],
-    )
+def _sums() -> Any:
+    """The function of `composition`, compiled if it is."""
+    native = native_kernels()
+    return composition if native is None else native
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
@@ -320,12 +299,6 @@ def _vectors(flat: Iterable[float]) -> list[Vec3]:
 def plus(a: Vec3, size: float, b: Vec3) -> Vec3:
     """A + size b."""
     return (a[0] + size * b[0], a[1] + size * b[1], a[2] + size * b[2])
-
-
-def _in_n(to_n: Sequence[Vec3], v: Vec3) -> Vec3:
-    (a, b, c), (d, e, f), (g, h, i) = to_n
-    x, y, z = v
-    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def _axes(q_sb: Quat, turned: Vec3) -> tuple[Vec3, Vec3, Vec3]:

@@ -109,9 +109,9 @@ def test_a_bound_step_holds_its_records_and_refuses_others() -> None:
             bind(*wrong)
 
 
-def test_an_extension_with_other_results_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_extension_with_another_interface_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     if native_kernels() is None:
         absent("the compiled kernels are not built")
-    older = SimpleNamespace(kernel_digest=native_kernels().kernel_digest, result_columns=10)
+    older = SimpleNamespace(kernel_digest=native_kernels().kernel_digest, interface=1)
     monkeypatch.setitem(sys.modules, "h2nav.attitude._native", older)
     assert native._current_build.__wrapped__() is None
