@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 from h2nav.apps import extras
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
+from h2nav.log.progress import Progress
 
 if TYPE_CHECKING:
     from h2nav.log.channel_tables import ExportResult
-
-Progress = Callable[[int, int], None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

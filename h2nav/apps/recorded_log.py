@@ -1,7 +1,7 @@
 """Any recording as a log of h2nav: the file itself, or the log of its replay."""
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -9,9 +9,8 @@ from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
 from h2nav.log.magic import is_mcap
+from h2nav.log.progress import Progress
 from h2nav.wire.deframer import Frame
-
-Progress = Callable[[int, int], None]
 
 
 @contextmanager

@@ -15,10 +15,11 @@ from h2nav.errors import BadInput
 from h2nav.log.file import RAW_ENCODING
 from h2nav.log.foxglove_messages import flat_fields
 from h2nav.log.message_schema import field_units
+from h2nav.log.progress import Progress
 from h2nav.log.reader import Directory, LogScan, stored_messages
 from h2nav.log.records import StoredMessage
 from h2nav.log.schema import time_from_object, unit_of
-from h2nav.log.survey import Progress, require_mcap
+from h2nav.log.survey import require_mcap
 from h2nav.wire.codec import decode
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.dialect import LAYOUTS

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from h2nav.log.channel_tables import Column, Destination, ExportResult, export_tables
-from h2nav.log.survey import Progress
+from h2nav.log.progress import Progress
 
 TIME_COLUMNS = ("log_time [unix ns]", "publish_time [unix ns]")
 

@@ -12,12 +12,13 @@ from h2nav.errors import BadInput, TaskFailed
 from h2nav.log.autopilot_channels import PREFIX, AutopilotDecoder
 from h2nav.log.copying import LogCopy, Recovery, restrict
 from h2nav.log.file import CHUNK_BYTES, RAW_ENCODING, new_file
+from h2nav.log.progress import Progress
 from h2nav.log.reader import Directory, LogEntry, LogScan, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import HEAD, message
 from h2nav.log.schema import RecordFormat
 from h2nav.log.summary import record_bytes
-from h2nav.log.survey import Progress, require_mcap
+from h2nav.log.survey import require_mcap
 
 # Other writers number schemas and channels upwards from 0 or 1; these count down from here.
 _HIGHEST_ID = 0xFFFF

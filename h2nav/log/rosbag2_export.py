@@ -18,10 +18,11 @@ from mcap.writer import CompressionType, Writer
 from h2nav import __version__
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
+from h2nav.log.progress import Progress
 from h2nav.log.reader import messages_of
 from h2nav.log.records import StoredMessage
 from h2nav.log.ros_messages import definition, encode, full_name
-from h2nav.log.survey import Progress, require_mcap
+from h2nav.log.survey import require_mcap
 from h2nav.maths.frames import attitude_enu_flu_from_ned_frd, enu_from_ned, flu_from_frd
 from h2nav.maths.quaternion import Quat, Vec3
 from h2nav.maths.units import SECOND_NS

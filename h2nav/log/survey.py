@@ -1,6 +1,5 @@
 """Surveys a log, intact or not, in one pass."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +9,7 @@ from mcap.records import Attachment, Metadata
 from h2nav.errors import BadInput
 from h2nav.log.account import Account, LogAccount, LoggedDifference, StateSpan
 from h2nav.log.magic import is_mcap
+from h2nav.log.progress import Progress
 from h2nav.log.reader import Directory, LogScan, is_closed, records_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.records import StoredMessage, message, parse
@@ -17,8 +17,6 @@ from h2nav.maths.units import SECOND_NS
 
 GAP_NS = 1_000_000_000
 MAX_GAPS = 100
-
-Progress = Callable[[int, int], None]
 
 
 class TopicSurvey(NamedTuple):

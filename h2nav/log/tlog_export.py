@@ -7,9 +7,10 @@ from typing import NamedTuple
 from h2nav.errors import BadInput
 from h2nav.log.channel_tables import require_topics
 from h2nav.log.file import RAW_ENCODING, new_file
+from h2nav.log.progress import Progress
 from h2nav.log.reader import messages_of
 from h2nav.log.recorder import RECEIVED_TOPIC
-from h2nav.log.survey import Progress, require_mcap
+from h2nav.log.survey import require_mcap
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.tlog import TIME_SIZE
 

@@ -14,8 +14,9 @@ import orjson
 
 from h2nav.errors import BadInput
 from h2nav.log.file import new_file
+from h2nav.log.progress import Progress
 from h2nav.log.reader import messages_of
-from h2nav.log.survey import Progress, require_mcap
+from h2nav.log.survey import require_mcap
 from h2nav.maths.units import SECOND_NS
 
 Pose = tuple[tuple[float, float, float], tuple[float, float, float, float]]

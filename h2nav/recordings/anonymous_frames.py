@@ -8,7 +8,7 @@ vehicles are left out, and so is everything that is no frame of the dialect.
 import math
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ import numpy as np
 from fastcrc import crc16
 
 from h2nav.log.file import new_file
+from h2nav.log.progress import Progress
 from h2nav.recordings.anonymous import Coordinates, Replacement, which_of
 from h2nav.recordings.anonymous_logs import Counted
 from h2nav.recordings.frame_tables import TableMaker
@@ -25,8 +26,6 @@ from h2nav.wire.deframer import Deframer, Frame
 from h2nav.wire.dialect import LAYOUTS, MessageLayout, WireField
 from h2nav.wire.frame_scan import FrameScan
 from h2nav.wire.tlog import TIME_SIZE
-
-Progress = Callable[[int, int], None]
 
 DROPPED = re.compile(
     r"ADSB_VEHICLE|AIS_VESSEL|OPEN_DRONE_ID_.*|UTM_GLOBAL_POSITION|UAVIONIX_.*|COLLISION"

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from h2nav.log.progress import Progress
 from h2nav.recordings.anonymous import Coordinates, Replacement, which_of
 from h2nav.recordings.dataflash_tables import (
     FMT_BYTES,
@@ -37,7 +38,6 @@ from h2nav.recordings.ulog_tables import (
     ulog_layout,
 )
 
-Progress = Callable[[int, int], None]
 Integers = NDArray[np.int64]
 
 # Raw data of receivers (their measurements show the place), of other vehicles, of files.

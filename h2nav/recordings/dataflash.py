@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
 from h2nav.maths import quaternion
 from h2nav.recordings import dataflash_controls as controls
-from h2nav.recordings import imu_series
+from h2nav.recordings import flight_modes, imu_series
 from h2nav.recordings.airframe_identity import ardupilot_board
 from h2nav.recordings.autopilot_log import (
     FIX_3D,
@@ -122,32 +121,32 @@ COPTER = VehicleKind(
     ("ArduCopter", "APM:Copter", "Copter"),
     ("MOT_SPIN_ARM", "MOT_SPIN_ARMED", "MOT_THST_HOVER", "THR_MID", "WPNAV_SPEED", "WPNAV_RADIUS"),
     mavlink.MAV_TYPE_QUADROTOR,
-    mavutil.mode_mapping_acm,
+    flight_modes.COPTER,
 )
 KINDS = (
     VehicleKind(
         ("ArduSub",),
         ("JS_GAIN_DEFAULT", "SURFACE_DEPTH"),
         mavlink.MAV_TYPE_SUBMARINE,
-        mavutil.mode_mapping_sub,
+        flight_modes.SUB,
     ),
     VehicleKind(
         ("ArduRover", "APMrover2", "APM:Rover", "Rover"),
         ("CRUISE_SPEED", "STEER2SRV_P"),
         mavlink.MAV_TYPE_GROUND_ROVER,
-        mavutil.mode_mapping_rover,
+        flight_modes.ROVER,
     ),
     VehicleKind(
         ("ArduPlane", "APM:Plane", "Plane"),
         ("TECS_CLMB_MAX", "RLL2SRV_P", "RLL2SRV_TCONST", "TRIM_ARSPD_CM", "AIRSPEED_CRUISE"),
         mavlink.MAV_TYPE_FIXED_WING,
-        mavutil.mode_mapping_apm,
+        flight_modes.PLANE,
     ),
     VehicleKind(
         ("AntennaTracker", "ArduTracker"),
         ("PITCH_SRV_RATE",),
         mavlink.MAV_TYPE_ANTENNA_TRACKER,
-        mavutil.mode_mapping_tracker,
+        flight_modes.TRACKER,
     ),
     COPTER,
 )

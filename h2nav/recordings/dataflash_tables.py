@@ -13,7 +13,7 @@ import math
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
+from h2nav.log.progress import Progress
 from h2nav.recordings.row_tables import LogTables, RowSource, Table
 
 HEAD = b"\xa3\x95"
@@ -60,8 +61,6 @@ FIELDS: dict[str, tuple[str, float | None]] = {
 WORDS = frozenset("nNZM")
 WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
-
-Progress = Callable[[int, int], None]
 
 PROBE_BYTES = 4096
 MAX_PREAMBLE = 64

@@ -17,7 +17,7 @@ from h2nav import __version__
 from h2nav.errors import BadInput
 from h2nav.log.file import LATEST_NS, new_file
 from h2nav.log.message_schema import field_units
-from h2nav.log.survey import Progress
+from h2nav.log.progress import Progress
 from h2nav.recordings.dataflash import start_unix_s as dataflash_start
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import Piece, dataflash_pieces, is_dataflash

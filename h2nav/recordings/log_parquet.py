@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from h2nav.log.channel_tables import Column, Destination, ExportResult, export_tables
-from h2nav.log.survey import Progress
+from h2nav.log.progress import Progress
 
 # Rows per compact array; the same number of arrays makes a row group of the file.
 _BATCH_ROWS = 2048

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
@@ -29,6 +28,7 @@ from h2nav.recordings.context import (
 )
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.field_tables import FIELDS
+from h2nav.recordings.flight_modes import of_vehicle, px4_mode
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
 from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.lost_frames import LostFrames, missing_share
@@ -367,9 +367,9 @@ def _modes(clock: _Clock, kind: tuple[int, int], duration_s: float) -> tuple[Spa
 
 def _mode_names(autopilot: int, vehicle_type: int) -> Callable[[int, int], str]:
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
-        return lambda base, custom: str(mavutil.interpret_px4_mode(base, custom))
-    known = mavutil.mode_mapping_bynumber(vehicle_type) or {}
-    return lambda _, custom: str(known.get(custom, f"mode {custom}"))
+        return px4_mode
+    known = of_vehicle(vehicle_type)
+    return lambda _, custom: known.get(custom, f"mode {custom}")
 
 
 def _armed(clock: _Clock, duration_s: float) -> tuple[Span, ...]:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.errors import BadInput
-from h2nav.log.survey import Progress
+from h2nav.log.progress import Progress
 from h2nav.recordings.row_tables import LogTables, RowSource
 
 MAGIC = b"ULog\x01\x12\x35"
