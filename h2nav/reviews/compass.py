@@ -41,6 +41,8 @@ HEADING_TOLD_RAD = 10.0 * DEG
 # Arming requires 185 to 875 mG (ArduPilot); a scale error of 15 % is beyond calibration (0.7 to 1.3
 # are COMPASS_SCALE's ends, 1.1 the usual one for soft iron).
 SCALE_TOLD = 0.15
+# Offset and scale of a calibrated compass.
+CALIBRATED = np.array([0.0, 0.0, 0.0, 1.0])
 # A parameter must be this many deviations from zero, and reduce the residuals by this much.
 SURE = 5.0
 BETTER = 0.7
@@ -99,7 +101,7 @@ class Fit(NamedTuple):
     before_ut: float  # weighted rms of the heading-free residuals without the fit
     after_ut: float  # the same with it
 
-    def is_sure(self, first: int, after: int, around: float = 0.0) -> bool:
+    def is_sure(self, first: int, after: int, around: Array | float = 0.0) -> bool:
         """Whether some of the parameters differ significantly from their usual values."""
         value = self.x[first:after] - around
         C = self.covariance[first:after, first:after]
@@ -510,6 +512,11 @@ def _constant(
     if abs(scale) > SCALE_TOLD and fit.is_sure(3, 4, around=1.0):
         text = f"field is {scale:+.0%} against the earth's"
         report(Kind.COMPASS_SCALE, 100.0 * abs(scale), "%", text, "the same in all headings")
+    strength = float(np.median(np.linalg.norm(rows.m_b_ut, axis=1) / rows.norm_ut)) - 1.0
+    if not found and abs(strength) > SCALE_TOLD and fit.is_sure(0, 4, around=CALIBRATED):
+        text = f"field is {strength:+.0%} against the earth's"
+        evidence = "by its scale, or by iron: the attitudes that were flown do not tell them apart"
+        report(Kind.COMPASS_SCALE, 100.0 * abs(strength), "%", text, evidence)
     return found
 
 

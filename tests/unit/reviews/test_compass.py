@@ -143,6 +143,14 @@ def test_soft_iron_of_a_fifth_is_told():
     assert found.size == pytest.approx(40.0, abs=6.0)
 
 
+@pytest.mark.parametrize(("scale", "told"), [(0.8, ["compass_scale"]), (0.9, [])])
+def test_a_wrong_strength_is_told_although_level_flight_may_hide_whether_it_is_iron(scale, told):
+    flown = flight("square")
+    analysis = analyse(with_field(flown, scale * measured(flown)))
+    assert kinds(analysis) == told
+    assert all("or by iron" in one.evidence for one in analysis.findings)
+
+
 def test_a_wrong_scale_is_told_and_no_offset_with_it():
     flown = flight("aggressive")
     analysis = analyse(with_field(flown, 1.3 * measured(flown)))
