@@ -13,6 +13,7 @@ from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import judged
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact
+from h2nav.reviews.inertial import STEADY_HZ
 from h2nav.reviews.receiver import delay_of
 from h2nav.reviews.receiver_fit import fits
 from h2nav.reviews.standstill import Rest, bias_at_rest
@@ -128,7 +129,7 @@ def _of_our_own_error(evidence: FlightEvidence, shown: tuple[Finding, ...]) -> l
 
 def _of_slow_samples(evidence: FlightEvidence) -> list[Finding]:
     """Steps of a sensor, shown by an attitude that samples this seldom lead astray."""
-    if evidence.of(parts.rate_hz) >= parts.STEADY_HZ:
+    if evidence.of(parts.rate_hz) >= STEADY_HZ:
         return []
     return [one for one in evidence.flight.findings if one.kind in STEPS]
 

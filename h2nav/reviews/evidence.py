@@ -10,7 +10,7 @@ from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.force_steps import detect_force_steps
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
-from h2nav.reviews.inertial import Attitudes, Mask, best_attitude, slowed
+from h2nav.reviews.inertial import STEADY_HZ, Attitudes, Mask, best_attitude, slowed
 from h2nav.reviews.motors import detect_motors
 from h2nav.reviews.receiver import delay_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
@@ -35,8 +35,6 @@ LIFTED_M, MIN_HEIGHTS = 1.5, 10
 LIFTED_WITHIN_S = 60.0
 # A log ends in flight if it moves as nothing on the ground does, this long before.
 ENDS_S = 1.0
-# Slower samples alias a vibration into steps of a bias.
-STEADY_HZ = 45.0
 # Filters smear an impact over the values just before it.
 JUST_BEFORE_S = 0.3
 
@@ -173,9 +171,12 @@ def flown(evidence: FlightEvidence) -> bool:
 
 
 def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
-    """Armed spans without those that began on the ground and stayed there, by the barometer."""
+    """Armed spans without those that began on the ground and stayed there.
+
+    By the barometer, or by the autopilot's height where that alone was recorded.
+    """
     context, found = evidence.of(recorded), evidence.of(bins)
-    height = context.baro_height_m
+    height = context.baro_height_m or context.height_m
     if found is None or height is None or len(height.t_s) < MIN_HEIGHTS:
         return context.armed
     return tuple(

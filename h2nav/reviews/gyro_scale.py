@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
 from h2nav.recordings.context import Array, ImuTrack, Span
-from h2nav.reviews.inertial import Mask, conjugate, logarithm, means, rotate, turns, within
+from h2nav.reviews.inertial import (
+    STEADY_HZ,
+    Mask,
+    conjugate,
+    logarithm,
+    means,
+    rotate,
+    turns,
+    within,
+)
 
 SCALE_WINDOW_S, PARTS = 4.0, 20
 # The field is averaged around each time; at 10 Hz, over two or three values of a compass.
@@ -36,7 +45,7 @@ def detect_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]
         armed: while the motors could turn; objects around a vehicle on the ground distort the
             field.
     """
-    fitted = _fitted(track, armed)
+    fitted = None if _is_seldom(track) else _fitted(track, armed)
     if fitted is None:
         return []
     scale, sigma = fitted
@@ -64,6 +73,11 @@ def detect_gyro_scale(track: ImuTrack, armed: tuple[Span, ...]) -> list[Finding]
             f"admit {100.0 * SCALE_LIMIT:.0f} %",
         )
     ]
+
+
+def _is_seldom(track: ImuTrack) -> bool:
+    """Whether the turns between two samples are unknown."""
+    return len(track.t_s) < 2 or float(np.median(np.diff(track.t_s))) * STEADY_HZ > 1.0
 
 
 def _fitted(track: ImuTrack, armed: tuple[Span, ...]) -> tuple[Array, Array] | None:

@@ -20,6 +20,8 @@ LONGEST_GAP_S = 0.5
 # A sample that comes later than this after the previous one holds for no longer.
 LONGEST_STEP_S = 0.1
 SLOWED_HZ = 100.0
+# Samples slower than this do not show the motion between them.
+STEADY_HZ = 45.0
 
 
 class Attitudes(NamedTuple):

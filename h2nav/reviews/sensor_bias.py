@@ -15,6 +15,7 @@ from h2nav.maths.rows import product, select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.inertial import (
+    STEADY_HZ,
     Attitudes,
     Mask,
     conjugate,
@@ -69,8 +70,8 @@ STILL_PARTS = 5
 SHAKEN_RAD_S = 0.3 * DEG
 # Samples in a window whose mean counts.
 MIN_SAMPLES = 50
-# Slower samples of two IMUs do not show the same moments.
-STEADY_HZ, CHANCE_SIGMAS = 45.0, 3.0
+# Means of slow samples of two IMUs differ by so many deviations by chance.
+CHANCE_SIGMAS = 3.0
 # Other findings that show which of two disagreeing IMUs is wrong.
 SHOWN_BY = {
     Kind.GYRO_APART: (Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from reviewed_flights import flight, with_imu
+from reviewed_flights import body_field, flight, with_imu
 
 from h2nav.integrity.findings import Finding
+from h2nav.maths.rows import select_rows
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.gyro_scale import detect_gyro_scale
@@ -32,6 +33,13 @@ def test_a_scale_beyond_the_data_sheet_is_told_beside_a_magnet_too(factor, magne
 @pytest.mark.parametrize("name", ["flight", "aggressive", "hover"])
 def test_a_scale_within_the_data_sheet_is_not_told(name):
     assert told(scaled(flight(name), 1.01, (8.0, -5.0, 10.0))) == []
+
+
+def test_seldom_samples_show_no_turn_between_them():
+    flown = with_imu(flight("spin"), m_b_ut=body_field("spin"))
+    (track,) = flown.context.imus
+    seldom = select_rows(track, slice(None, None, 20))
+    assert told(flown._replace(context=flown.context._replace(imus=(seldom,)))) == []
 
 
 def test_a_magnet_that_comes_in_flight_is_no_scale():

@@ -173,6 +173,15 @@ def test_pairs_loads_and_small_differences_are_no_imbalance(extra):
     assert Kind.MOTOR_IMBALANCE not in kinds(flown)
 
 
+@pytest.mark.parametrize(("climbed_m", "is_told"), [(0.2, False), (5.0, True)])
+@pytest.mark.parametrize("name", ["baro_height_m", "height_m"])
+def test_outputs_on_the_ground_say_nothing_of_a_motor(name, climbed_m, is_told):
+    height = Series(T_S, np.clip(T_S - 5.0, 0.0, climbed_m))
+    flown = multirotor(**{name: height})
+    context = flown.context._replace(motors=motors((60.0, -20.0, -20.0, -20.0)))
+    assert (Kind.MOTOR_IMBALANCE in kinds(flown._replace(context=context))) == is_told
+
+
 @pytest.mark.parametrize(("period_s", "is_told"), [(1.0, True), (20.0, False)])
 def test_what_outputs_hold_against_gusts_is_one_observation_each(period_s, is_told):
     pwm_us = motors((45.0, -15.0, -15.0, -15.0)).pwm_us
