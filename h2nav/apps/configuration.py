@@ -170,10 +170,12 @@ class FlightSettings:
     """The record of flights, in the folder of the log.
 
     Attributes:
-        review: review each flight when the vehicle has disarmed, in a process of its own at idle
-            priority, which ends when the vehicle is armed again and is taken up later.
+        review: review each flight when the vehicle has disarmed, in a process of its own, which
+            ends when the vehicle is armed again and is taken up later.
         review_memory_mb: memory of that process; a recording that needs more is not reviewed.
         review_minutes: processor time of that process.
+        review_priority: `idle`, or `normal` for a computer whose processors are always busy, where
+            an idle process waits for ever: the review then has its share of them, as others have.
         fetch_log: fetch the autopilot's own log after each flight, which then is what is reviewed:
             while the vehicle is disarmed, and while nobody else fetches.
         token_file: file with the token that uploads and deletions on the page need, made if it is
@@ -189,6 +191,7 @@ class FlightSettings:
     review: bool = True
     review_memory_mb: Annotated[int, Within(128, 65536)] = 512
     review_minutes: Annotated[int, Within(1, 1440)] = 30
+    review_priority: Annotated[str, OneOf(("idle", "normal"))] = "idle"
     fetch_log: bool = False
     fetch_share: Annotated[float, Within(0.01, 0.9)] = 0.5
     token_file: str = ""

@@ -65,6 +65,7 @@ class FlightKeeper:
                 settings.review_minutes,
                 round(settings.max_gb * 1e9),
                 settings.max_days,
+                settings.review_priority == "idle",
             )
         )
         self.record = FlightsRecord()  # counts so far

@@ -1,4 +1,4 @@
-"""The process that reviews one flight of a folder beside the daemon, at idle priority and bounded.
+"""The process that reviews one flight of a folder beside the daemon, bounded, mostly idle.
 
 It is started as a module (`h2nav.apps.review_process`), picks the newest flight without a review of
 its present recordings, says which one on standard output, reviews it, commits the result, says it,
@@ -50,6 +50,7 @@ class ReviewJob(NamedTuple):
     minutes: int  # limit of its processor time
     most_bytes: int = 0  # of all recordings; see `h2nav.flights.retention`
     most_days: int = 0  # age of flights without errors
+    is_idle: bool = True  # it runs only while nothing else does
 
 
 def main() -> int:
@@ -78,7 +79,7 @@ def _bound(job: ReviewJob) -> None:
     # Of memory the limit is of what it can write to: recordings are mapped, not read, and a large
     # one needs no more memory than a small one for being opened.
     yield_to_others(
-        NICEST,
+        NICEST if job.is_idle else 0,
         {
             resource.RLIMIT_NOFILE: MAX_FILES,
             resource.RLIMIT_DATA: job.memory_mb * MIB,
@@ -86,7 +87,8 @@ def _bound(job: ReviewJob) -> None:
             resource.RLIMIT_CORE: 0,
         },
     )
-    run_when_idle()
+    if job.is_idle:
+        run_when_idle()
     signal.signal(signal.SIGXCPU, _took_too_long)
     limit_s = job.minutes * 60
     with contextlib.suppress(OSError, ValueError):

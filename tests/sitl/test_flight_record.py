@@ -13,7 +13,17 @@ from needs import need_package
 
 from h2nav.flights.folder import FlightFolder
 
-SECONDS = 250.0  # a review in the idle class waits for everybody else on a busy machine
+SECONDS = 250.0
+
+
+def configured(folder: Path, port: int, flights: str) -> Path:
+    """A configuration of which nothing waits for other processes to be idle."""
+    path = folder / "h2nav.yaml"
+    path.write_text(
+        f"link: {{url: 'udpin:127.0.0.1:{port}'}}\nlog: {{folder: '{folder / 'logs'}'}}\n"
+        f"flights: {{{flights}}}\n"
+    )
+    return path
 
 
 def seen(running, wanted):
@@ -33,9 +43,9 @@ def test_a_flight_is_reviewed_after_landing_and_shown(tmp_path: Path) -> None:
     need_package("tornado")
     need_package("foxglove")
     port, logs = free_udp_port(), tmp_path / "logs"
-    live = ("--live", "127.0.0.1:0")
+    configuration = configured(tmp_path, port, "review_priority: normal")
     with (
-        daemon("--connect", f"udpin:127.0.0.1:{port}", "--log-dir", str(logs), *live) as running,
+        daemon("-c", str(configuration), "--live", "127.0.0.1:0") as running,
         fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "hop"),
     ):
         told = seen(running, lambda each: each["event"] == "flight")
@@ -70,11 +80,8 @@ def test_the_autopilots_log_is_fetched_and_a_bad_one_costs_no_review(tmp_path: P
     port, logs = free_udp_port(), tmp_path / "logs"
     content = random.Random(1).randbytes(150_000)
     (tmp_path / "own.bin").write_bytes(content)
-    configuration = tmp_path / "h2nav.yaml"
-    configuration.write_text(
-        f"link: {{url: 'udpin:127.0.0.1:{port}'}}\nlog: {{folder: '{logs}'}}\n"
-        "flights: {fetch_log: true, fetch_share: 0.9}\n"
-    )
+    flights = "fetch_log: true, fetch_share: 0.9, review_priority: normal"
+    configuration = configured(tmp_path, port, flights)
     own = ("--log", str(tmp_path / "own.bin"), "--baud", "921600")
     with (
         daemon("-c", str(configuration)) as running,

@@ -23,7 +23,8 @@ KILLS = int(os.environ.get("H2NAV_KILLS", "6"))
 
 
 def job_of(root: Path, memory_mb: int = 512) -> ReviewJob:
-    return ReviewJob(str(root), str(root / "reviews"), memory_mb, 5)
+    # Not idle: another process may have the processors for as long as the tests run.
+    return ReviewJob(str(root), str(root / "reviews"), memory_mb, 5, is_idle=False)
 
 
 def ended(process: ReviewProcess):
@@ -44,6 +45,16 @@ def reviewed(root: Path, memory_mb: int = 512):
 def flight(tmp_path):
     shutil.copyfile(REPOSITORY / "tests/data/takeoff_40s.tlog", tmp_path / "flight.tlog")
     return tmp_path
+
+
+def test_it_runs_only_while_nothing_else_does_unless_told_otherwise(flight):
+    process = ReviewProcess(job_of(flight)._replace(is_idle=True))
+    process.start()
+    end = time.monotonic() + WAIT_S
+    while os.sched_getscheduler(process._process.pid) != os.SCHED_IDLE:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    process.stop()
 
 
 def test_it_reviews_commits_and_then_has_nothing_to_do(flight):
