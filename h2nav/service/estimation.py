@@ -318,7 +318,8 @@ class Estimation:
             if not self._before_arming.is_armed:
                 seen = newest or step.sample  # with a field that the filter does not use
                 self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
-        if self.routes.get(message_id, NO_ROUTE)[0] <= t_ns:
+        is_asked_anew = self.routes.get(message_id, NO_ROUTE)[0] <= t_ns
+        if is_asked_anew and any(need is Need.SAMPLE for _, need in takers):
             self.routes.clear()  # the reading has made this message the one in use
         switched = ""
         if self._are_several and (is_accused or t_ns - self._looked_ns >= LOOK_NS):

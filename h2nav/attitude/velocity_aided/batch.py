@@ -77,7 +77,7 @@ class VelocityAidedBatch:
         last.mag[:] = table["mag"][-1].tolist()
         last.has_mag = float(part.has_field[-1])
         last.clipped = last.aided = last.has_fix = 0.0
-        self._filter.follow([int(part.t_us[-1])], [None])
+        self._filter.follow([int(part.t_us[-1])], [(0.0, 0.0, 0.0)])
         plain = BatchResult(out[:, :4], out[:, 4:7])
         if not self._explains:
             return plain
@@ -139,10 +139,7 @@ class PreparedSamples:
         records = (chosen.kernel_state, chosen.kernel_workspace, chosen.kernel_gains)
         self._step.run(records, table, out)
         self._write(*table[-1:].view(np.float64)[self._taken].tolist())
-        gained = [
-            (north, east) if aided > 0.0 else None for aided, north, east in out[:, 10:].tolist()
-        ]
-        chosen.follow(self._times[part], gained)
+        chosen.follow(self._times[part], out[:, 10:].tolist())
         self.are_taken[first:stop] = True
         return stop
 

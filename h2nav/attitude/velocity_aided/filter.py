@@ -129,10 +129,13 @@ class VelocityAidedFilter(VelocityAidedShell):
             self.field_latency_s,
             s.fix_lag_s,
             s.fix_lag_variance,
-            gyro_density(s, self._g),
-            s.accel_jitter,
+            *self._noise_densities,
             self._field_offset_share,
         )
+
+    @property
+    def _noise_densities(self) -> tuple[float, float]:
+        return gyro_density(self._state, self._g), self._state.accel_jitter
 
     @property
     def _field_offset_share(self) -> float:
@@ -158,15 +161,14 @@ class VelocityAidedFilter(VelocityAidedShell):
         drift_rad_s = math.sqrt(max(drift, 0.0))
         return HeadingState(s.age_s, s.heading_turned, s.heading_variance, drift_rad_s)
 
-    def follow(self, times_us: Sequence[int], gained: Sequence[tuple[float, float] | None]) -> None:
+    def follow(self, times_us: Sequence[int], gained: Sequence[tuple[float, float, float]]) -> None:
         """Continues after samples, to the end of which a batch has brought state and sample.
 
         Args:
             times_us: of the samples.
-            gained: velocity gained until each, if a velocity holds the filter, s.
+            gained: until each, as `aided`, `gained_n` and `gained_e` of the state.
         """
-        for t_us, each in zip(times_us, gained, strict=True):
-            self._aiding.remember(t_us, each)
+        self._aiding.remember_all(times_us, gained)
         self._t_us = times_us[-1]
 
     def use_delays(self, delays: SensorDelays) -> None:

@@ -168,11 +168,12 @@ class HeadingWitness:
                 self.clear()
                 return None
             v = self._measured.add(velocity - self._velocity, keep)
+            self._age(period_s, turned_rad - self._turned_rad, forget)
+            product, energy, before = self._product, self._energy, self._gained
             for i, high_pass in enumerate(self._felt):
-                c = high_pass.add(back * (felt[i] - self._gained[i]), keep)
-                self._age(i, period_s, turned_rad - self._turned_rad, forget)
-                self._product[i] = forget * self._product[i] + c.conjugate() * v * period_s
-                self._energy[i] = forget * self._energy[i] + abs(c) ** 2 * period_s
+                c = high_pass.add(back * (felt[i] - before[i]), keep)
+                product[i] = forget * product[i] + c.conjugate() * v * period_s
+                energy[i] = forget * energy[i] + abs(c) ** 2 * period_s
             self._power = forget * self._power + abs(v) ** 2 * period_s
             variance = noise.sigma_m_s**2 + noise.walk_m2_s2
             self._noise = forget * self._noise + variance * period_s
@@ -180,14 +181,15 @@ class HeadingWitness:
         self._velocity, self._gained, self._turned_rad = velocity, felt, turned_rad
         return self._heading(turned_rad, noise.drift_rad_s)
 
-    def _age(self, i: int, period_s: float, turned_rad: float, forget: float) -> None:
+    def _age(self, period_s: float, turned_rad: float, forget: float) -> None:
         """Lets all that was felt until now become older."""
-        energy, aged, product = self._energy[i], self._aged[i], self._product[i]
-        twice = self._aged_twice[i] + period_s * (2.0 * aged + period_s * energy)
-        self._aged_twice[i] = forget * twice
-        self._aged[i] = forget * (aged + period_s * energy)
-        self._aged_product[i] = forget * (self._aged_product[i] + period_s * product)
-        self._turned_since[i] = forget * (self._turned_since[i] + turned_rad * energy)
+        aged, twice, product = self._aged, self._aged_twice, self._aged_product
+        since, felt = self._turned_since, zip(self._energy, self._product, strict=True)
+        for i, (energy, each) in enumerate(felt):
+            twice[i] = forget * (twice[i] + period_s * (2.0 * aged[i] + period_s * energy))
+            aged[i] = forget * (aged[i] + period_s * energy)
+            product[i] = forget * (product[i] + period_s * each)
+            since[i] = forget * (since[i] + turned_rad * energy)
 
     def _heading(self, turned_rad: float, drift_rad_s: float) -> Heading | None:
         best = max(range(len(LATENCIES_S)), key=self._explained)

@@ -129,6 +129,22 @@ class VelocityAiding:
         elif not past or t_us - past[-1][0] >= SPACING_US:
             past.append((float(t_us), gained[0], gained[1]))
 
+    def remember_all(
+        self, times_us: Sequence[int], rows: Sequence[tuple[float, float, float]]
+    ) -> None:
+        """Stores what was gained until several samples.
+
+        Args:
+            times_us: of the samples.
+            rows: whether the filter was aided, velocity gained north and east; of each.
+        """
+        past = self._past
+        for t_us, (aided, north, east) in zip(times_us, rows, strict=True):
+            if not aided > 0.0:
+                past.clear()
+            elif not past or t_us - past[-1][0] >= SPACING_US:
+                past.append((float(t_us), north, east))
+
     def values(self) -> tuple[float, ...]:
         """The complete state, as flat numbers."""
         fix = self.waiting

@@ -67,8 +67,7 @@ class VelocityHeading(DoubtedSensors):
         heading = self._heading()
         if is_in_air or heading.age_s < HIGH_PASS_S:
             return False
-        errors = self.sensor_errors
-        walk = velocity_walk(errors.rate_density, errors.force_density)
+        walk = velocity_walk(*self._noise_densities)
         sigma_m_s = math.sqrt(fix.variance)
         noise = VelocityNoise(sigma_m_s, walk, heading.drift_rad_s)
         seen = self._witness.take(fix.v_n, fix.earlier, heading.turned_rad, fix.period_s, noise)
@@ -112,6 +111,11 @@ class VelocityHeading(DoubtedSensors):
     @abstractmethod
     def _turn_heading(self, angle_rad: float) -> None:
         """Turns by an angle at once, and forgets the state of the heading."""
+
+    @property
+    @abstractmethod
+    def _noise_densities(self) -> tuple[float, float]:
+        """Of the rate, squared, rad^2/s, and of the force, squared, m^2/s^3."""
 
     @property
     @abstractmethod

@@ -258,10 +258,9 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     @property
     def sensor_errors(self) -> SensorErrors:
         """The errors of the sensors estimated so far."""
-        s, g, unit = self._state, self._gains.kernel, self._gyro_unit
+        s, unit = self._state, self._gyro_unit
         x, y = self._force_bias()
         xx, _, yy = (part * _FORCE_UNIT * GRAVITY_M_S2**2 for part in s.p_accel)
-        turning = g.scale_noise * TURN_UNIT * s.turning
         return SensorErrors(
             (s.p_xx * unit, s.p_yy * unit, s.p_zz * unit),
             (x, y, 0.0),
@@ -269,9 +268,14 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
             self.field_latency_s,
             s.fix_lag * 2.0**-30,
             s.fix_lag_variance * 2.0**-30,
-            g.gyro_noise + turning + s.gyro_jitter * 2.0**-36,
-            self._force_noise.density,
+            *self._noise_densities,
         )
+
+    @property
+    def _noise_densities(self) -> tuple[float, float]:
+        s, g = self._state, self._gains.kernel
+        turning = g.scale_noise * TURN_UNIT * s.turning
+        return g.gyro_noise + turning + s.gyro_jitter * 2.0**-36, self._force_noise.density
 
     @property
     def _gyro_unit(self) -> float:
