@@ -121,12 +121,10 @@ def _explained(one: Finding, found: list[Finding]) -> Finding | None:
     kinds = KINDS[one.kind].follows
     candidates = [other for kind in kinds for other in found if other.kind == kind]
     for other in candidates:
-        if other.from_s > one.from_s + SLACK_S:
-            continue
         if other.kind is Kind.GYRO_BIAS and other.size < LEADS_ASTRAY_DEG_S:
             continue
         is_whole = Trait.INDEPENDENT in KINDS[other.kind].traits
-        if is_whole or other.to_s >= one.from_s - SENSOR_LEADS_S:
+        if is_whole or other.from_s - SLACK_S <= one.from_s <= other.to_s + SENSOR_LEADS_S:
             return other
     return None
 

@@ -343,7 +343,8 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
             others = np.delete(outputs.share[part], column, axis=1)
             if t_s[last] - t_s[first] < WEAK_S or sinks < SINKS_M_S:
                 continue
-            if others.mean() > TOGETHER_SHARE or force[part].mean() > BRAKES_SHARE * usual:
+            together = float(outputs.share[part].mean())
+            if together > TOGETHER_SHARE or force[part].mean() > BRAKES_SHARE * usual:
                 continue
             return [
                 _failure(

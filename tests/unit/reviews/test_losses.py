@@ -106,7 +106,7 @@ def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
     no_descent = told(flown(Series(T_S, sinks), level, **changes | {"said": ()}))[0]
     assert Kind.MOTOR_FAILED not in no_descent
     # With the others near their limit it is thrust that is lacking, whichever meets it first.
-    lacking = outputs([(50.0, (0.88, 0.88, 1.0, 0.88)), (60.0, (0.5,) * 4)])
+    lacking = outputs([(50.0, (0.84, 0.84, 1.0, 0.84)), (60.0, (0.5,) * 4)])
     no_reserve = told(
         flown(Series(T_S, sinks), height, **changes | {"motors": lacking, "said": ()})
     )[0]

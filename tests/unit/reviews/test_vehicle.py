@@ -450,6 +450,17 @@ def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
     assert (lost.cause, lost.severity) == ("gyro_bias.1", Severity.NOTICE)
 
 
+def test_an_accelerometer_that_was_wrong_at_the_end_explains_what_came_before():
+    sensor = Sensor(SensorKind.IMU, 1)
+    felt = Finding(
+        Kind.ATTITUDE_GRAVITY, sensor, Severity.ERROR, 10.0, 50.0, 9.0, "deg", "text", "", "felt",
+    )  # fmt: skip
+    scale = felt._replace(kind=Kind.ACCELEROMETER_SCALE, from_s=100.0, to_s=110.0, id="scale")
+    links = chain(multirotor()._replace(findings=(felt, scale)), Analysis())
+    told = next(one for one in links.findings if one.id == "felt")
+    assert (told.cause, told.severity) == ("scale", Severity.ERROR)
+
+
 @pytest.mark.parametrize("drift_m_s2", [0.0, 3.0])
 def test_a_receiver_that_is_blamed_in_flight_is_cleared_where_it_fits(drift_m_s2):
     blame = Finding(
