@@ -325,6 +325,7 @@ def made_analysis(flight, seed=4):
     )  # fmt: skip
     columns_s = np.linspace(0.0, end_s, 1000)
     return Analysis(
+        looked_at=("crash and landing",),
         findings=(GPS_LOST,),
         spectra=tuple(
             _spectrum(imu, sensor, end_s, rng)

@@ -16,7 +16,7 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
 from h2nav.reviews.motors import LIMIT_SHARE
-from h2nav.reviews.subjects import KINDS
+from h2nav.reviews.subjects import KINDS, impacts
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
 # Findings this close to a time belong to it.
@@ -265,7 +265,10 @@ def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
 
 
 def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind: bool) -> str:
-    """The worst findings, each once; or that nothing was found."""
+    """The worst findings, each once; or that nothing was found.
+
+    That there was no crash is said only by who looked for one.
+    """
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if not _has(one, Trait.ABOUT_RECORDING)] or serious
     failed = [one for one in serious if one.kind is Kind.MOTOR_FAILED]
@@ -283,7 +286,7 @@ def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind:
         shown = _listed(parts[:MAX_SENSORS])
         more = len(parts) - MAX_SENSORS
         rest = f", and {more} more" if more > 0 else ""
-        begin = "" if failed or ending else "No crash. "
+        begin = "" if failed or ending or impacts.SUBJECT.name not in looked else "No crash. "
         if false is not None:
             begin = f"No crash: {_phrase(false)}. "
         return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"

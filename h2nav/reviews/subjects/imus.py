@@ -115,7 +115,10 @@ KINDS = (
             "the field propagated by the gyro over 4 s against the field measured then; one fit "
             "of bias, scale and hard iron, without an attitude"
         ),
-        limit="3 %, five deviations of the fit, and alike in both halves of the flight",
+        limit=(
+            "3 %, five deviations of the fit, and alike in both halves of the flight; 45 samples a "
+            "second"
+        ),
     ),
 )
 

@@ -417,6 +417,17 @@ def test_a_crash_on_take_off_is_called_so(left_s, is_then):
     assert text.startswith("Crashed on take-off at 60 s") == is_then
 
 
+@pytest.mark.parametrize(("every", "is_said"), [(1, True), (20, False)])
+def test_that_there_was_no_crash_is_said_where_one_was_looked_for(every, is_said):
+    flown = multirotor()
+    seldom = select_rows(flown.context.imus[0], slice(None, None, every))
+    uneven = motors((60.0, -20.0, -20.0, -20.0))
+    context = flown.context._replace(imus=(seldom,), gps=(), motors=uneven)
+    text = said_of(flown._replace(context=context))
+    assert text.startswith("No crash. Motor 1 works" if is_said else "Motor 1 works")
+    assert ("crash and landing (5 samples a second show no blow" in text) != is_said
+
+
 def test_a_vehicle_that_turns_far_from_its_demand_and_flies_on_had_lost_control():
     flown = multirotor()
     demand, first = flown.context.demand, flown.context.imus[0]
