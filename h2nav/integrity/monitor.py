@@ -289,7 +289,7 @@ class Monitor:
         self._fix, self._silent_us = fix, 0
         self._field.use_offset(errors.field_offset_share)
         self._velocity.use_receiver(self._receiver.errors)
-        if not self._velocity.take(fix):
+        if not self._velocity.take(fix, errors):
             return None
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
         self._windows = [window for window in windows if window is not None]

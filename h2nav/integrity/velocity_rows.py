@@ -35,6 +35,10 @@ CALM_ACCEL_M_S2 = 0.3
 USUAL_S = 20.0
 # Fewer second differences (two a mark) say nothing of a noise.
 MIN_BENDS = 10
+# Meanwhile an acceleration changes so much that a delay looks like noise.
+SLOW_S = 0.5
+# Sum of squares of accelerations, (m/s^2)^2, from which on they show a delay.
+MIN_LATE = 1.0
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
@@ -46,9 +50,6 @@ class VelocityRow(NamedTuple):
     ended: Mark  # the mark at its end
     errors: SensorErrors  # the filter's knowledge of its sensors at the beginning
     length_s: float  # from mark to mark
-    # change of the acceleration with time at its beginning, m/s^3, north and east
-    begun_jerk_n: Level
-    ended_jerk_n: Level  # the same at its end
     # vectors one after the other (a tuple of tuples is five times as large), as in
     # `composition`: GAINED, the
     # integral of the specific force, m/s; TURNED, the negative angle of each of TURNS, per
@@ -60,7 +61,7 @@ class VelocityRow(NamedTuple):
     def late(self) -> tuple[Level, Level]:
         """Effect of latency on the change of velocity, per s and per half s^2."""
         a, b = self.begun.accel_n, self.ended.accel_n
-        c, d = self.begun_jerk_n, self.ended_jerk_n
+        c, d = self.begun.jerk_n, self.ended.jerk_n
         return (a[0] - b[0], a[1] - b[1]), (d[0] - c[0], d[1] - c[1])
 
     @property
@@ -80,19 +81,19 @@ class VelocityRow(NamedTuple):
     def began_late(self) -> tuple[Level, Level]:
         """The same if the latency begins with the row."""
         north, east = self.ended.accel_n
-        return (-north, -east), self.ended_jerk_n
+        return (-north, -east), self.ended.jerk_n
 
 
 class _OpenRow:
     """The current row."""
 
-    def __init__(self, begun: Mark, jerk_n: Level, errors: SensorErrors) -> None:
-        self.begun, self.jerk_n, self.errors = begun, jerk_n, errors
+    def __init__(self, begun: Mark, errors: SensorErrors) -> None:
+        self.begun, self.errors = begun, errors
         self._length_s = 0.0
         self._integrals = array("d", bytes(8 * 3 * VECTORS))
 
-    def add(self, before: Mark, mark: Mark, jerk_n: Level) -> VelocityRow | None:
-        """Advances to the next mark, with its jerk, m/s^3; the row, once it is long enough."""
+    def add(self, before: Mark, mark: Mark) -> VelocityRow | None:
+        """Advances to the next mark; the row, once it is long enough."""
         a, b = before.moment, mark.moment
         dt_s = 1e-6 * (b.t_us - a.t_us)
         force = (
@@ -119,8 +120,15 @@ class _OpenRow:
         self._length_s += dt_s
         if self._length_s < ROW_S:
             return None
-        ends = self.begun, mark, self.errors, self._length_s
-        return VelocityRow(*ends, self.jerk_n, jerk_n, self._integrals)
+        return VelocityRow(self.begun, mark, self.errors, self._length_s, self._integrals)
+
+
+class _Bend(NamedTuple):
+    """Of the velocity of three marks, along one axis."""
+
+    t_us: int  # time of the last one
+    size: float  # second difference, beyond what the force explains, m/s
+    late: float  # what a delay would add to it, per second, m/s^2
 
 
 class VelocityRows:
@@ -144,8 +152,10 @@ class VelocityRows:
         self.rows: list[VelocityRow] = []
         self._open: _OpenRow | None = None
         self._last: Mark | None = None
-        self._step: tuple[float, float] | None = None
-        self._bends: list[tuple[int, float]] = []
+        # of the latest two marks: what the velocity changed by beyond the force, and the
+        # acceleration
+        self._step: tuple[Level, Level] | None = None
+        self._bends: list[_Bend] = []
         self._jitter_m_s: float | None = 0.0  # None: to be worked out anew
         self._spacing_s = 1.0  # of the latest two marks
 
@@ -155,21 +165,18 @@ class VelocityRows:
             self.restart()
         before, self._last = self._last, mark
         if before is None or self._open is None:
-            self._open = _OpenRow(mark, (0.0, 0.0), errors)
+            self._open = _OpenRow(mark, errors)
             return False
         self._see_bend(before, mark)
-        dt_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
-        (a, b), (u, v) = before.accel_n, mark.accel_n
-        jerk_n = ((u - a) / dt_s, (v - b) / dt_s)
-        row = self._open.add(before, mark, jerk_n)
+        row = self._open.add(before, mark)
         if row is None:
             return False
-        self._open = _OpenRow(mark, jerk_n, errors)
+        self._open = _OpenRow(mark, errors)
         self.rows.append(row)
         oldest_us = mark.moment.t_us - round(1.02e6 * LENGTH_S)
         while self.rows[0].begun.moment.t_us < oldest_us:
             self._forget(self.rows.pop(0))
-        while self._bends and self._bends[0][0] < oldest_us:
+        while self._bends and self._bends[0].t_us < oldest_us:
             del self._bends[0]
             self._jitter_m_s = None
         return True
@@ -194,7 +201,12 @@ class VelocityRows:
     def _scatter(self) -> float:
         if not self._bends:
             return 0.0
-        bends = [bend for _, bend in self._bends]
+        late_s = 0.0
+        if self._spacing_s > SLOW_S:
+            # A delay, which is no scatter, bends a velocity with its acceleration.
+            square = sum(one.late * one.late for one in self._bends)
+            late_s = sum(one.size * one.late for one in self._bends) / max(square, MIN_LATE)
+        bends = [abs(one.size - late_s * one.late) for one in self._bends]
         # A normal deviation is 1.48 medians; a second difference has six times the variance.
         usual = 1.48 * statistics.median(bends)
         rms = math.sqrt(sum(map(mul, bends, bends)) / len(bends))
@@ -212,17 +224,16 @@ class VelocityRows:
         return 3.0 * self.jitter_m_s**2 / self._spacing_s
 
     def _see_bend(self, before: Mark, mark: Mark) -> None:
-        dt_s = self._spacing_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
-        step = (
-            mark.v_n[0] - before.v_n[0] - mark.accel_n[0] * dt_s,
-            mark.v_n[1] - before.v_n[1] - mark.accel_n[1] * dt_s,
-        )
+        self._spacing_s = 1e-6 * (mark.moment.t_us - before.moment.t_us)
+        (a, b), (c, d), (e, f) = before.v_n, mark.v_n, mark.felt_n
+        (g, h), (k, m) = before.accel_n, mark.accel_n
+        step, change = (c - a - e, d - b - f), (k - g, m - h)
         if self._step is not None:
-            self._bends += [
-                (mark.moment.t_us, abs(b - a)) for a, b in zip(self._step, step, strict=True)
-            ]
+            t_us, (steps, changes) = mark.moment.t_us, self._step
+            pairs = zip(steps, step, changes, change, strict=True)
+            self._bends += [_Bend(t_us, q - p, v - u) for p, q, u, v in pairs]
             self._jitter_m_s = None
-        self._step = step
+        self._step = step, change
 
 
 class VelocityColumns(NamedTuple):

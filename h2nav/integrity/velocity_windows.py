@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from operator import mul
 from typing import NamedTuple
 
-from h2nav.attitude.samples import Vec3, VelocityFix
+from h2nav.attitude.samples import SensorErrors, Vec3, VelocityFix
 from h2nav.integrity.strapdown import Moment, Strapdown
-from h2nav.maths.quaternion import multiply, rotate
+from h2nav.maths.quaternion import conjugate, log, multiply, rotate, turned
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 LENGTHS_S = (1.0, 3.0, 10.0)
@@ -39,6 +39,9 @@ RATE_SIGMA_RAD_S = 0.05 * DEG
 SCALE_SIGMA = 0.005
 
 Level = tuple[float, float]
+NOWHERE: Vec3 = (0.0, 0.0, 0.0)
+X_AXIS: Vec3 = (1.0, 0.0, 0.0)
+Y_AXIS: Vec3 = (0.0, 1.0, 0.0)
 
 
 class ReceiverErrors(NamedTuple):
@@ -60,9 +63,16 @@ class Mark(NamedTuple):
     moment: Moment  # of the fix
     v_n: Level  # north and east, m/s
     sigma_m_s: float  # of each
-    accel_n: Level  # acceleration since the previous mark, m/s^2, north and east
+    felt_n: Level  # change of velocity since the previous mark by the force, m/s
+    accel_n: Level  # acceleration just before, m/s^2, north and east
+    jerk_n: Level  # its change with time, m/s^3
     # velocity of a point 1 m away along each axis of the body, m/s, north and east
     swept_n: tuple[Level, Level, Level] = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    # bias of the accelerometer as known then, x and y, m/s^2, and its larger deviation
+    force_bias_b: Level = (0.0, 0.0)
+    force_sigma_m_s2: float = FORCE_SIGMA_M_S2
+    # integrals of the body's axes x and y since the first mark, in the axes of the start, s
+    along_s: tuple[Vec3, Vec3] = (NOWHERE, NOWHERE)
 
 
 class Window(NamedTuple):
@@ -112,18 +122,22 @@ class VelocityWindows:
         """Restarts with the strapdown."""
         self._marks.clear()
 
-    def take(self, fix: VelocityFix) -> bool:
-        """Takes a fix; returns whether it made a mark."""
+    def take(self, fix: VelocityFix, errors: SensorErrors) -> bool:
+        """Takes a fix and the filter's knowledge of its sensors; returns whether it made a mark."""
         moment = self._strapdown.at(fix.t_us)
         if moment is None:
             return False
         last = self._marks[-1] if self._marks else None
         if last is not None and moment.t_us - last.moment.t_us < SPACING_US:
             return False
-        accel_n = (0.0, 0.0) if last is None else _acceleration(last.moment, moment)
+        motion = self._motion(last, moment)
         sigma_m_s = max(fix.sigma_m_s, MIN_SIGMA_M_S)
         v_n = (fix.v_n[0], fix.v_n[1])
-        self._marks.append(Mark(moment, v_n, sigma_m_s, accel_n, swept(moment)))
+        bias_b = errors.force_bias_b[:2]
+        force_sigma_m_s2 = max(FORCE_SIGMA_M_S2, math.sqrt(max(errors.force_variance)))
+        along_s = (NOWHERE, NOWHERE) if last is None else _along(last, moment)
+        of_force = bias_b, force_sigma_m_s2, along_s
+        self._marks.append(Mark(moment, v_n, sigma_m_s, *motion, swept(moment), *of_force))
         while self._marks[0].moment.t_us < moment.t_us - 1.1e6 * LONG_S:
             del self._marks[0]
         return True
@@ -150,7 +164,7 @@ class VelocityWindows:
         end = self._marks[-1]
         first, last = start.moment, end.moment
         t_s = (last.t_us - first.t_us) * 1e-6
-        predicted = change_of_velocity(first, last)
+        predicted = _predicted(start, end)
         measured = (end.v_n[0] - start.v_n[0], end.v_n[1] - start.v_n[1])
         residual_m_s = math.hypot(measured[0] - predicted[0], measured[1] - predicted[1])
         change_m_s = math.hypot(predicted[0], predicted[1])
@@ -160,7 +174,7 @@ class VelocityWindows:
             + end.sigma_m_s**2
             + (self._receiver.delay_s * jerk) ** 2
             + self._by_antenna(start, end)
-            + inertial_variance(first, last)
+            + inertial_variance(first, last, start.force_sigma_m_s2)
         )
         shows_heading = first.sigma_heading_rad < ANY_HEADING_RAD
         if shows_heading:
@@ -170,6 +184,24 @@ class VelocityWindows:
             residual_m_s = abs(math.hypot(*measured) - change_m_s)
         sigma_m_s, measured_m_s = math.sqrt(variance), math.hypot(*measured)
         return Window(t_s, residual_m_s, sigma_m_s, measured_m_s, shows_heading)
+
+    def _motion(self, last: Mark | None, moment: Moment) -> tuple[Level, Level, Level]:
+        """Change of velocity since the previous mark, acceleration and jerk.
+
+        Those of slow fixes are of the last moments only: meanwhile the vehicle manoeuvres.
+        """
+        if last is None:
+            return (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+        before, earlier = last.moment, None
+        if moment.t_us - before.t_us > 2 * SPACING_US:
+            near = self._strapdown.at(moment.t_us - SPACING_US)
+            earlier = self._strapdown.at(moment.t_us - 2 * SPACING_US)
+            before = near or before
+        a = last.accel_n if earlier is None else _acceleration(earlier, before)
+        b = _acceleration(before, moment)
+        t_s = (moment.t_us - before.t_us) * 1e-6
+        north, east, _ = change_of_velocity(last.moment, moment)
+        return (north, east), b, ((b[0] - a[0]) / t_s, (b[1] - a[1]) / t_s)
 
     def _by_antenna(self, start: Mark, end: Mark) -> float:
         """Variance per axis by the antenna's place, (m/s)^2."""
@@ -193,11 +225,13 @@ def change_of_velocity(first: Moment, last: Moment) -> Vec3:
     return north, east, down + GRAVITY_M_S2 * (last.t_us - first.t_us) * 1e-6
 
 
-def inertial_variance(first: Moment, last: Moment) -> float:
+def inertial_variance(
+    first: Moment, last: Moment, force_sigma_m_s2: float = FORCE_SIGMA_M_S2
+) -> float:
     """Horizontal variance of `change_of_velocity` per axis, by tilt, sensors, scale, (m/s)^2."""
     t_s = (last.t_us - first.t_us) * 1e-6
     tilt = GRAVITY_M_S2 * t_s * first.sigma_tilt_rad
-    force = FORCE_SIGMA_M_S2 * t_s
+    force = force_sigma_m_s2 * t_s
     rate = 0.5 * GRAVITY_M_S2 * RATE_SIGMA_RAD_S * t_s * t_s
     scale = GRAVITY_M_S2 * t_s * SCALE_SIGMA * (last.path_rad - first.path_rad)
     variance = tilt * tilt + force * force + rate * rate + scale * scale
@@ -205,6 +239,29 @@ def inertial_variance(first: Moment, last: Moment) -> float:
     # The turn error grows from the beginning of the window to its end.
     astray = last.turn_variance - first.turn_variance
     return variance + missed + (GRAVITY_M_S2 * t_s) ** 2 * astray / 3.0
+
+
+def _predicted(start: Mark, end: Mark) -> Vec3:
+    """Change of velocity between two marks, by the attitude and the bias of the first one."""
+    felt = change_of_velocity(start.moment, end.moment)
+    pairs = zip(start.force_bias_b, start.along_s, end.along_s, strict=True)
+    for bias, before, after in pairs:
+        pushed = [bias * (b - a) for a, b in zip(before, after, strict=True)]
+        by_bias = rotate(start.moment.q_ns, (pushed[0], pushed[1], pushed[2]))
+        felt = (felt[0] - by_bias[0], felt[1] - by_bias[1], felt[2] - by_bias[2])
+    return felt
+
+
+def _along(last: Mark, moment: Moment) -> tuple[Vec3, Vec3]:
+    """The integrals of the body's axes at a moment, with the axes half-way since the last mark."""
+    before = last.moment
+    turn = log(multiply(conjugate(before.q_sb), moment.q_sb))
+    half = turned(before.q_sb, (0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2]))
+    t_s = (moment.t_us - before.t_us) * 1e-6
+    (x, y, z), (u, v, w) = last.along_s
+    (a, b, c), (d, e, f) = rotate(half, X_AXIS), rotate(half, Y_AXIS)
+    along_x = (x + t_s * a, y + t_s * b, z + t_s * c)
+    return along_x, (u + t_s * d, v + t_s * e, w + t_s * f)
 
 
 def _acceleration(first: Moment, last: Moment) -> Level:

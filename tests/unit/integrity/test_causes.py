@@ -51,7 +51,7 @@ def explained(change=lambda s: s, velocity_at=lambda t_s, v_n: v_n, seed=7, give
         if i % PERIOD == 0:
             fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
             errors = filter_.sensor_errors
-            if marks.take(fix) and rows.take(marks.marks[-1], errors) and t_s > FAULT_S:
+            if marks.take(fix, errors) and rows.take(marks.marks[-1], errors) and t_s > FAULT_S:
                 known = Known(errors, marks.marks[-1].moment, rows.jitter_m_s)
                 found.append(causes.explain(rows.rows, known))
             doubt = monitor.fix(fix, errors)
@@ -142,6 +142,7 @@ def test_a_doubt_opens_what_is_known_and_never_closes_it():
 
 # --- signatures, beside an attitude that nobody corrects ----------------------------------------
 
+NOWHERE = (0.0, 0.0)
 ERRORS = SensorErrors(((0.05 * DEG) ** 2,) * 3, force_variance=(0.01, 0.01), force_density=4e-6)
 LENGTH_S = 10.0
 
@@ -167,14 +168,16 @@ def signature(
             moment = Moment(
                 i * 10_000, tuple(gained), q_ns, 0.3 * DEG, 2.0 * DEG, 0.0, 0.0, 0.0, q_nb
             )
-            accel_n = (0.0, 0.0)
+            felt_n = accel_n = jerk_n = (0.0, 0.0)
             if before is not None:
-                north, east, _ = change_of_velocity(before, moment)
-                accel_n = (north / 0.2, east / 0.2)
+                felt_n = change_of_velocity(before.moment, moment)[:2]
+                accel_n = (felt_n[0] / 0.2, felt_n[1] / 0.2)
+                jerk_n = tuple((b - a) / 0.2 for a, b in zip(before.accel_n, accel_n, strict=True))
             noise = rng.normal(0.0, 0.05, 2)
-            mark = Mark(moment, (v_n[0] + noise[0], v_n[1] + noise[1]), 0.1, accel_n)
+            v_n = (v_n[0] + noise[0], v_n[1] + noise[1])
+            mark = Mark(moment, v_n, 0.1, felt_n, accel_n, jerk_n)
             rows.take(mark, errors)
-            before = moment
+            before = mark
         x, y, z = surge(t_s)
         a, b, c = force_at(t_s)
         north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
@@ -315,7 +318,7 @@ def test_rows_begin_anew_after_a_gap_of_the_receiver():
             0.0,
             0.0,
         )
-        rows.take(Mark(still, (0.0, 0.0), 0.1, (0.0, 0.0)), ERRORS)
+        rows.take(Mark(still, NOWHERE, 0.1, NOWHERE, NOWHERE, NOWHERE), ERRORS)
     assert len(rows.rows) == 4
     assert all(row.begun.moment.t_us >= 66_000_000 for row in rows.rows)
     assert all(0.35 < row.length_s < 0.45 for row in rows.rows)

@@ -115,6 +115,15 @@ def test_honest_sensors_raise_nothing(gps, seed):
     assert all(not alarms for _, alarms, _, _ in watched(flight(seed), gps=gps))
 
 
+def test_a_zero_of_the_accelerometer_that_is_known_contradicts_nothing():
+    """50 mg, which the filter has learnt after half a minute of turns."""
+    drive = with_samples(
+        flight(), lambda _, s: s._replace(f_b=(s.f_b[0] + 0.5, s.f_b[1] - 0.5, s.f_b[2]))
+    )
+    worst = max(monitor.ratios.of_velocity for t_s, _, _, monitor in flown(drive) if t_s > FAULT_S)
+    assert worst < 0.8
+
+
 @pytest.mark.parametrize("gps", [True, False])
 def test_swapped_axes_are_a_gyro_that_contradicts(gps):
     rows = watched(from_fault(lambda s: s._replace(w_b=(s.w_b[1], s.w_b[0], s.w_b[2]))), gps=gps)

@@ -20,7 +20,7 @@ def yawing(t_s: float) -> Vec3:
     return x, y, 2.0 * math.sin(0.5 * t_s)
 
 
-def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0):
+def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0, period: int = PERIOD):
     """What is learnt of a receiver, late by samples and off the centre; alarms; the filter."""
     drive = with_noise(accelerating(end_s, 4, law=yawing), noise_m_s, 4)
     bias = drive.flight.bias_b
@@ -29,7 +29,7 @@ def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0):
     monitor.use_field(FIELD)
     texts = set()
     for i, sample in enumerate(drive.flight.samples):
-        if i % PERIOD == 0 and i > 100 * BEGINS_S:
+        if i % period == 0 and i > 100 * BEGINS_S:
             then = i - late
             x, y, z = (a - b for a, b in zip(drive.flight.samples[then].w_b, bias, strict=True))
             p, q, r = antenna_b
@@ -73,3 +73,10 @@ def test_a_velocity_is_as_uncertain_as_it_scatters() -> None:
     assert not texts
     sure = receiver.timely(VelocityFix(0, (0.0, 0.0, 0.0), 2.0))
     assert sure.sigma_m_s == 2.0
+
+
+def test_a_receiver_of_one_fix_a_second_that_is_late_is_learnt_and_accuses_nobody() -> None:
+    receiver, texts, filter_ = flown(35, (0.0, 0.0, 0.0), 0.05, 120.0, 100)
+    left_s = filter_.sensor_errors.fix_latency_s
+    assert receiver.delay_s + left_s == pytest.approx(0.35, abs=0.05)
+    assert not texts
