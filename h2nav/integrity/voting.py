@@ -14,6 +14,7 @@ another one.
 """
 
 import math
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple
@@ -38,6 +39,11 @@ DELAY_WALK_S = 1e-4
 LEVER_M = 0.03
 # Vibration is in phase with the sampling, or beyond a sensor's range: its mean is off by a share.
 RECTIFIED = 0.05
+# Aliased, it fades from the mean of so many windows; what is left of it is learnt, for each octave
+# of its power from so many windows on, and varies by this much, as a power.
+SHAKEN_WINDOWS = 10
+MIN_SHAKEN_WINDOWS = 100
+SHAKEN_MARGIN = 4.0
 # A MEMS gyro's shift under vibration, rad/s per m/s^2.
 GYRO_SHAKEN = 5e-4
 # The scatter that remains is learnt over about this many windows, up to this many floors.
@@ -188,6 +194,38 @@ class _Imu:
         return True
 
 
+class _Shaken:
+    """A difference in vibration: its mean over some windows, and what usually is left in that."""
+
+    def __init__(self) -> None:
+        self._latest: deque[Vec3] = deque(maxlen=SHAKEN_WINDOWS)
+        # by the octave of the power: windows, and mean square of an axis
+        self._usual: dict[int, tuple[int, float]] = {}
+
+    def mean_square(self, left: Vec3) -> float:
+        """Takes what is left of a difference; the square of its mean (three axes)."""
+        self._latest.append(left)
+        x, y, z = (sum(axis) / len(self._latest) for axis in zip(*self._latest, strict=True))
+        return _square((x, y, z))
+
+    def learn(self, power: float, square: float) -> None:
+        """Learns from the mean of sound sensors at this power."""
+        windows, usual = self._usual.get(_octave(power), (0, 0.0))
+        windows += 1
+        usual += (square / 3.0 - usual) / min(windows, SCATTER_WINDOWS)
+        self._usual[_octave(power)] = windows, usual
+
+    def variance(self, power: float) -> float:
+        """Of an axis of the mean at this power, as far as it is known."""
+        windows, usual = self._usual.get(_octave(power), (0, 0.0))
+        is_known = windows >= MIN_SHAKEN_WINDOWS and len(self._latest) == SHAKEN_WINDOWS
+        return SHAKEN_MARGIN * usual if is_known else math.inf
+
+
+def _octave(power: float) -> int:
+    return math.frexp(power)[1]
+
+
 class _Shape:
     """Of a difference that fails: which error of the first sensor explains it."""
 
@@ -259,6 +297,7 @@ class _Pair:
         self.open_rad = 0.0
         self.heard = _NONE  # what the hearing has added to their difference
         self._scatter = 0.0
+        self._shaken = _Shaken()
         self._rows: list[list[float]] = [[0.0] * 4 for _ in range(3)]
         sheet = self._sheet
         diagonal = sheet.bias**2, sheet.shape**2, sheet.shape**2, sheet.shape**2
@@ -303,15 +342,19 @@ class _Pair:
         for i in (1, 2, 3):
             p[i][i] += sheet.shape_walk * sheet.shape_walk * VOTING_WINDOW_S
         ph = [_dot4(row, h) for row in p]
-        noise = self._variance(one, other, value)
-        total = _dot4(h, ph) + noise + self._scatter
-        size = _square(left)
-        self.ratio = math.sqrt(size / total) / GATE
+        power, size = self._power(one, other), _square(left)
+        shaken, mean = self._shaken.variance(power), self._shaken.mean_square(left)
+        sound = _dot4(h, ph) + self._variance(one, other, value)
+        total = sound + min(power, SHAKEN_WINDOWS * shaken) + self._scatter
+        of_mean = math.sqrt(mean / (sound + shaken)) / GATE
+        self.ratio = max(math.sqrt(size / (sound + power + self._scatter)) / GATE, of_mean)
         self._judge(t_us, left, first, second)
         if self.is_raised:
             self._hear(t_us, left)
         if self.ratio > 1.0 or self.is_raised:
             return
+        if of_mean < SOUND:
+            self._shaken.learn(power, mean)
         self._learn(left, ph, total)
         self._learn_delay(left, slope, total)
         most = MAX_SCATTER * self._sheet.floor
@@ -381,18 +424,24 @@ class _Pair:
         sheet = self._sheet
         a, b = one.means[self._part], other.means[self._part]
         change = max(_square(a.change), _square(b.change)) / (VOTING_WINDOW_S * VOTING_WINDOW_S)
-        # Aliased vibration is no white noise.
-        noise = 4.0 * (a.variance / one.samples + b.variance / other.samples)
-        shaken = max(w.means[InertialSensor.ACCELEROMETER].variance for w in (one, other))
-        found = sheet.floor**2 + sheet.linear**2 * _square(value) + noise
+        found = sheet.floor**2 + sheet.linear**2 * _square(value)
         found += (LEARNT_DELAY_S * LEARNT_DELAY_S + self._delay_variance) * change
         if self._part is InertialSensor.GYRO:
-            return found + GYRO_SHAKEN * GYRO_SHAKEN * shaken
+            return found
         rates = [window.means[InertialSensor.GYRO] for window in (one, other)]
         turning = max(_square(rate.value) for rate in rates)
         turned = max(_square(rate.change) for rate in rates) / (VOTING_WINDOW_S * VOTING_WINDOW_S)
         lever = LEVER_M * (turning + math.sqrt(turned))
-        return found + lever * lever + RECTIFIED * RECTIFIED * shaken
+        return found + lever * lever
+
+    def _power(self, one: _Window, other: _Window) -> float:
+        """The most that noise and vibration may add to it."""
+        a, b = one.means[self._part], other.means[self._part]
+        # Aliased vibration is no white noise.
+        noise = 4.0 * (a.variance / one.samples + b.variance / other.samples)
+        share = GYRO_SHAKEN if self._part is InertialSensor.GYRO else RECTIFIED
+        shaken = max(w.means[InertialSensor.ACCELEROMETER].variance for w in (one, other))
+        return noise + share * share * shaken
 
 
 class _Still:

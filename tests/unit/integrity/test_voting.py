@@ -177,6 +177,23 @@ def test_what_sound_sensors_differ_by_accuses_nobody(what):
     assert told == []
 
 
+@pytest.mark.parametrize("hz", [50.0, 100.0, 200.0])
+def test_two_in_vibration_whose_lines_alias_are_sound_and_a_step_of_one_is_told(hz):
+    """Amplitude 20 m/s^2: what leaves up to 3 m/s^2 in a mean of 0.2 s, where the step is 2.5."""
+
+    def shaken(phase, step=0.0):
+        def read(f, t_s):
+            lines = (20.0 * math.sin(2.0 * math.pi * f_hz * t_s + phase) for f_hz in (87, 113, 71))
+            return add(f, tuple(lines), (step if t_s >= 2.0 * FAULT_S else 0.0, 0.0, 0.0))
+
+        return read
+
+    imus = [Imu(1, hz, force_fault=shaken(0.3)), Imu(2, hz, force_fault=shaken(2.0, 2.5))]
+    ((t_s, alarm),), _ = fly(imus, 2.0 * FAULT_S + 10.0)
+    assert (alarm.kind, alarm.sensor.others) == (Kind.ACCELEROMETER_APART, (1, 2))
+    assert 2.0 * FAULT_S < t_s < 2.0 * FAULT_S + 6.0
+
+
 def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
     told, voting = fly([Imu(1, gyro_fault=off(0.0, 0.0, 5.0 * DEG)), Imu(2)], FAULT_S + 6.0)
     ((_, alarm),) = told
