@@ -51,6 +51,7 @@ class VelocityFix(NamedTuple):
     sigma_m_s: float  # one-sigma accuracy per axis stated by the source
     independent: bool = True  # False when the velocity comes from the autopilot's own estimator
     removed_s: float = 0.0  # delay that was found, and is no longer in its time
+    removed_sigma_s: float = 0.0  # deviation of the delay that was found; 0: not known
 
 
 class SensorDelays(NamedTuple):

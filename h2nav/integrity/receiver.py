@@ -95,9 +95,9 @@ class LearntReceiver:
     def timely(self, fix: VelocityFix) -> VelocityFix:
         """The fix at the time at which it was true, with the deviation that it really has."""
         t_us = fix.t_us - round(1e6 * self.delay_s)
-        _, v_n, sigma_m_s, independent, _ = fix
+        _, v_n, sigma_m_s, independent, *_ = fix
         sigma_m_s = max(sigma_m_s, self.noise_m_s)
-        return VelocityFix(t_us, v_n, sigma_m_s, independent, self.delay_s)
+        return VelocityFix(t_us, v_n, sigma_m_s, independent, self.delay_s, self.errors.delay_s)
 
     def centred(self, fix: VelocityFix, moment: Moment) -> VelocityFix:
         """The velocity of the IMU at the time of a fix, with the deviation by the antenna's place.
@@ -111,9 +111,7 @@ class LearntReceiver:
         for place_m, sigma_m, (n, e) in zip(antenna, errors.antenna_b, swept(moment), strict=True):
             north, east = north - place_m * n, east - place_m * e
             variance += 0.5 * sigma_m * sigma_m * (n * n + e * e)
-        t_us, _, _, independent, removed_s = fix
-        sigma_m_s = math.sqrt(variance)
-        return VelocityFix(t_us, (north, east, down), sigma_m_s, independent, removed_s)
+        return fix._replace(v_n=(north, east, down), sigma_m_s=math.sqrt(variance))
 
     def learn(self, rows: Sequence[VelocityRow], known: Known) -> bool:
         """Learns from a window, if it is full and new; whether the velocities change by it.

@@ -62,6 +62,9 @@ TRUST_BITS = tuple(
     int(Trust.ALIGNED) + sum(flag for bit, flag in _FLAGS if bits & bit) for bits in range(256)
 )
 
+# Deviations by which an estimated latency is contradicted.
+CONTRADICTED = 2.0
+
 
 class VelocityAidedShell(VelocityHeading, VelocityAttitude):
     """The velocity-aided filter without its kernel.
@@ -146,10 +149,22 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
             return
         earlier_s = self._aiding.removed_more_s(fix)
         if earlier_s != 0.0:
-            # The filter has estimated this delay, too: it must not count twice.
-            self._shift_latency(-earlier_s, fix.removed_s)
+            self._shift_latency(self._less_latency_s(earlier_s, fix), fix.removed_s)
         if self._aiding.offer(fix, self._t_us) and self._air is not None:
             self._take_in_air(self._air, fix)
+
+    def _less_latency_s(self, earlier_s: float, fix: VelocityFix) -> float:
+        """Change of the latency beyond the times of the fixes, which are earlier now.
+
+        The filter has estimated the delay that was removed, too: it must not count twice. Both know
+        it by the same velocities, so that they are not averaged; but where the filter's estimate
+        is contradicted, what is less sure gives way.
+        """
+        errors, removed = self.sensor_errors, fix.removed_sigma_s**2
+        own, left_s = errors.fix_latency_variance, errors.fix_latency_s - earlier_s
+        if 0.0 < removed < own and left_s * left_s > CONTRADICTED**2 * (own + removed):
+            left_s *= removed / own
+        return left_s - errors.fix_latency_s
 
     def restart(self) -> None:
         """Forgets time, and on the ground the attitude; keeps bias, field and sensors."""

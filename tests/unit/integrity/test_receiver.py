@@ -59,6 +59,13 @@ def test_a_receiver_that_is_late_and_off_the_centre_is_learnt_and_accuses_nobody
     assert not {text for text in texts if "off by" in text or "false" in text}
 
 
+def test_a_filter_gives_way_to_a_delay_that_contradicts_its_own() -> None:
+    """Its latency begins at 0 +- 0.1 s, and is not learnt before its other states have settled."""
+    receiver, _, filter_ = flown(35, (0.0, 0.0, 0.0), 0.05, 28.0)
+    assert receiver.delay_s > 0.2
+    assert filter_.sensor_errors.fix_latency_s == pytest.approx(0.0, abs=0.05)
+
+
 def test_the_antenna_of_a_sound_receiver_stays_in_the_centre() -> None:
     receiver, texts, _ = flown(0, (0.0, 0.0, 0.0), 0.05)
     assert receiver.antenna_b == pytest.approx((0.0, 0.0, 0.0), abs=0.05)
