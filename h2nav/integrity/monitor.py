@@ -25,7 +25,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.cause_alarms import cause_alarm
-from h2nav.integrity.causes import NOTHING, Cause, Explained, doubt_of, explain
+from h2nav.integrity.causes import NOTHING, SUSPECTED, Cause, Explained, doubt_of, explain
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
@@ -114,6 +114,9 @@ PROVED_US = 10_000_000
 PASSED_US = 30_000_000
 IMPROBABLE = 0.1
 REFUSED_US = 120_000_000
+# A jump of the velocity may be its way back from a falsehood that it was suspected of in this time
+# before.
+FALSE_US = 300_000_000
 # A field used this recently holds the heading.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -170,12 +173,17 @@ class Monitor:
         self._refused_us: int | None = None
         self._refused: Explained | None = None
         self._differed_us = self._failed_us = 0
+        # when it was last suspected, now and in an earlier contradiction
+        self._doubted_us: int | None = None
+        self._was_doubted_us: int | None = None
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._cleared: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
         self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
         self._drift_tilt_rad, self._drift_us = 0.0, 0
+        # when it last may have drifted by more than is harmless
+        self._drifted_us: int | None = None
         self._field_used_us: int | None = None
         self._is_confirmed = False
         self._sample_us, self._period_us = 0, 0.0
@@ -342,12 +350,19 @@ class Monitor:
             self._forget_cause()
             return None
         self._suspected_us = self._suspected_us or t_us
-        if found.decided is not None and not self._may_be_aliased(found):
+        is_back = self._may_be_back(t_us, found)
+        if self._is_told(t_us) and found.share(Cause.VELOCITY) * SUSPECTED > 1.0:
+            self._doubted_us = t_us
+        if is_back:
+            self._refused_us = self._refused = None
+            self._decisions.pop(Cause.VELOCITY, None)
+        elif found.decided is not None and not self._may_be_aliased(found):
             self._decisions[found.decided] += 1
             if found.decided in (Cause.GYRO, Cause.ACCELEROMETER):
                 self._bent_us = t_us
             self._shown[found.decided] = found
-        self._hear_velocity(t_us, found)
+        if not is_back:
+            self._hear_velocity(t_us, found)
         if found.decided is None and t_us - self._suspected_us < SUSPECTED_US:
             return None
         return None if self.velocity_is_false else doubt_of(found)
@@ -356,6 +371,8 @@ class Monitor:
         """Notes the tilt by which a false velocity would bend the attitude, if it may be one."""
         if found.is_suspicious:
             self._drift_us = t_us
+        if self._is_told(t_us) and found.drift_m_s2 > GRAVITY_M_S2 * HARMLESS_RAD:
+            self._drifted_us = t_us
         if t_us - self._drift_us < LONG_S * 1e6:
             self._drift_tilt_rad = max(self._drift_tilt_rad, found.drift_m_s2 / GRAVITY_M_S2)
 
@@ -364,7 +381,20 @@ class Monitor:
         since_us = self._contradicted_us
         return OLD_SPACING_US if since_us is not None and t_us - since_us > OLD_US else 0
 
+    def _is_told(self, t_us: int) -> bool:
+        """Whether a contradiction has lasted for long enough to be reported."""
+        return self._contradicted_us is not None and t_us - self._contradicted_us >= CONTRADICTED_US
+
+    def _may_be_back(self, t_us: int, found: Explained) -> bool:
+        """Whether a jump of the velocity may end an earlier falsehood: nobody is accused for it."""
+        if not found.share(Cause.VELOCITY) > PROBABLY or found.drift_m_s2 > 0.0:
+            return False
+        since_us = self._was_doubted_us
+        return since_us is not None and t_us - since_us < FALSE_US
+
     def _forget_cause(self) -> None:
+        if self._doubted_us is not None:
+            self._was_doubted_us, self._doubted_us = self._doubted_us, None
         self._explained = NOTHING
         self._suspected_us = self._contradicted_us = None
         self._decisions.clear()
@@ -460,6 +490,14 @@ class Monitor:
     def velocity_is_known_false(self) -> bool:
         """Whether that is decided, and not only probable."""
         return self._refused_us is not None and self._refused is not None
+
+    @property
+    def velocity_may_have_bent(self) -> bool:
+        """Whether it is false, or may have drifted and bent the tilt: it does not speak for us."""
+        drifted_us, now_us = self._drifted_us, self._strapdown.t_us
+        if drifted_us is None or now_us is None:
+            return self.velocity_is_known_false
+        return self.velocity_is_known_false or now_us - drifted_us < REFUSED_US
 
     def _hear_velocity(self, t_us: int, found: Explained | None) -> None:
         """Begins to refuse the velocity, or ends it.
@@ -580,7 +618,7 @@ class Monitor:
         if self._refused is not None and self._refused_us is not None:
             since_s = (t_us - self._refused_us) * 1e-6
             return [cause_alarm(self._refused, Cause.VELOCITY, self._imu, since_s)]
-        if self._contradicted_us is None or t_us - self._contradicted_us < CONTRADICTED_US:
+        if self._contradicted_us is None or not self._is_told(t_us):
             return []
         since_s = (t_us - self._contradicted_us) * 1e-6
         decided = self._decided

@@ -192,6 +192,11 @@ class Estimation:
         """Whether the force has shown that the receiver's velocity is false."""
         return self._sent is not None and self._sent.monitor.velocity_is_known_false
 
+    @property
+    def velocity_may_have_bent(self) -> bool:
+        """Whether the receiver's velocity may have bent the attitude that is sent."""
+        return self._sent is not None and self._sent.monitor.velocity_may_have_bent
+
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
         return self._sent.objections(t_ns) if self._sent else ()

@@ -208,6 +208,30 @@ def test_a_ramp_of_the_velocity_is_told():
     assert max(tilt for t_s, _, tilt, _ in rows if t_s > FAULT_S) < 4.0 * DEG
 
 
+def test_a_velocity_that_comes_back_from_a_false_one_is_not_called_false():
+    back_s = FAULT_S + 15.0
+
+    def spoofed(t_s, v_n):
+        return (v_n[0] + (5.0 if FAULT_S <= t_s < back_s else 0.0), *v_n[1:])
+
+    told = {
+        t_s
+        for t_s, alarms, _, _ in watched(flight(), spoofed)
+        if any(alarm.kind is Kind.GPS_VELOCITY for alarm in alarms)
+    }
+    assert FAULT_S < min(told) < FAULT_S + 4.0
+    assert max(told) < back_s + 0.5
+
+
+@pytest.mark.parametrize(("drift_m_s2", "may_have_bent"), [(0.0, False), (0.7, True)])
+def test_a_velocity_that_may_have_drifted_does_not_speak_for_us(drift_m_s2, may_have_bent):
+    def ramp(t_s, v_n):
+        return (v_n[0] + drift_m_s2 * max(t_s - FAULT_S, 0.0), *v_n[1:])
+
+    *_, (_, _, _, monitor) = flown(flight(), ramp)
+    assert monitor.velocity_may_have_bent is may_have_bent
+
+
 def test_a_turned_field_is_the_compass_and_not_the_gyro():
     rows = watched(with_turned_field(flight(), 50.0 * DEG, FAULT_S, END_S))
     assert 0.0 <= first_alarm(rows, "compass_field") < 5.0
