@@ -179,6 +179,8 @@ def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
     height = context.baro_height_m or context.height_m
     if found is None or height is None or len(height.t_s) < MIN_HEIGHTS:
         return context.armed
+    if not np.ptp(np.nan_to_num(height.values)):
+        return context.armed  # what never changes is not measured
     return tuple(
         span for span in context.armed if not _stays(height, span) or _begins_aloft(found, span)
     )

@@ -173,7 +173,8 @@ def test_pairs_loads_and_small_differences_are_no_imbalance(extra):
     assert Kind.MOTOR_IMBALANCE not in kinds(flown)
 
 
-@pytest.mark.parametrize(("climbed_m", "is_told"), [(0.2, False), (5.0, True)])
+# A height that never changes is none.
+@pytest.mark.parametrize(("climbed_m", "is_told"), [(0.0, True), (0.2, False), (5.0, True)])
 @pytest.mark.parametrize("name", ["baro_height_m", "height_m"])
 def test_outputs_on_the_ground_say_nothing_of_a_motor(name, climbed_m, is_told):
     height = Series(T_S, np.clip(T_S - 5.0, 0.0, climbed_m))
