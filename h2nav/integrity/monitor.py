@@ -492,12 +492,16 @@ class Monitor:
         return self._refused_us is not None and self._refused is not None
 
     @property
-    def velocity_may_have_bent(self) -> bool:
-        """Whether it is false, or may have drifted and bent the tilt: it does not speak for us."""
-        drifted_us, now_us = self._drifted_us, self._strapdown.t_us
-        if drifted_us is None or now_us is None:
+    def may_be_bent(self) -> bool:
+        """Whether our attitude may follow a false velocity, or a sensor of ours that is wrong.
+
+        Velocities then fit it for that reason, and do not speak for it.
+        """
+        now_us = self._strapdown.t_us
+        if self.velocity_is_known_false or now_us is None:
             return self.velocity_is_known_false
-        return self.velocity_is_known_false or now_us - drifted_us < REFUSED_US
+        recent = ((self._drifted_us, REFUSED_US), (self._bent_us, BENT_US))
+        return any(t_us is not None and now_us - t_us < for_us for t_us, for_us in recent)
 
     def _hear_velocity(self, t_us: int, found: Explained | None) -> None:
         """Begins to refuse the velocity, or ends it.

@@ -193,9 +193,9 @@ class Estimation:
         return self._sent is not None and self._sent.monitor.velocity_is_known_false
 
     @property
-    def velocity_may_have_bent(self) -> bool:
-        """Whether the receiver's velocity may have bent the attitude that is sent."""
-        return self._sent is not None and self._sent.monitor.velocity_may_have_bent
+    def may_be_bent(self) -> bool:
+        """Whether the attitude that is sent may follow a false velocity or a wrong sensor."""
+        return self._sent is not None and self._sent.monitor.may_be_bent
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""

@@ -223,13 +223,19 @@ def test_a_velocity_that_comes_back_from_a_false_one_is_not_called_false():
     assert max(told) < back_s + 0.5
 
 
-@pytest.mark.parametrize(("drift_m_s2", "may_have_bent"), [(0.0, False), (0.7, True)])
-def test_a_velocity_that_may_have_drifted_does_not_speak_for_us(drift_m_s2, may_have_bent):
+@pytest.mark.parametrize(
+    ("drift_m_s2", "force_m_s2", "may_be_bent"),
+    [(0.0, 0.0, False), (0.7, 0.0, True), (0.0, 2.0, True)],
+)
+def test_an_attitude_that_may_be_bent_is_known(drift_m_s2, force_m_s2, may_be_bent):
+    """By a velocity that drifts, or by an accelerometer that is decided to be wrong."""
+
     def ramp(t_s, v_n):
         return (v_n[0] + drift_m_s2 * max(t_s - FAULT_S, 0.0), *v_n[1:])
 
-    *_, (_, _, _, monitor) = flown(flight(), ramp)
-    assert monitor.velocity_may_have_bent is may_have_bent
+    pushed = from_fault(lambda s: s._replace(f_b=(s.f_b[0] + force_m_s2, *s.f_b[1:])))
+    *_, (_, _, _, monitor) = flown(pushed, ramp)
+    assert monitor.may_be_bent is may_be_bent
 
 
 def test_a_turned_field_is_the_compass_and_not_the_gyro():
