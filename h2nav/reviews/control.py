@@ -62,7 +62,7 @@ def detect_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> l
 
 
 def control_errors(bins: Bins, context: Context) -> ControlErrors | None:
-    """Attitude minus demand on a grid of time; None if either was not recorded."""
+    """Attitude minus demand on a grid of time; None if either, or the IMU, was not recorded."""
     if context.demand is None or not context.attitudes or len(context.demand.t_s) < 2:
         return None
     track = context.attitudes[0]
@@ -72,7 +72,7 @@ def control_errors(bins: Bins, context: Context) -> ControlErrors | None:
     t_s = np.arange(first, min(track.t_s[-1], context.demand.t_s[-1]), GRID_S)
     is_known = np.isfinite(context.demand.values[:, :2]).all(axis=1)
     asked = Series(context.demand.t_s[is_known], context.demand.values[is_known])
-    if not len(t_s) or len(asked.t_s) < 2:
+    if not len(t_s) or len(asked.t_s) < 2 or not len(bins.t_s):
         return None
     angles = _angles(track, t_s)
     demand = np.stack([np.interp(t_s, asked.t_s, asked.values[:, i]) for i in range(2)], axis=1)
@@ -104,7 +104,7 @@ def _vertical(roll: Array, pitch: Array) -> Array:
 
 
 def _flies(bins: Bins, context: Context, t_s: Array) -> Mask:
-    place = np.searchsorted(bins.t_s, t_s).clip(max=max(len(bins.t_s) - 1, 0))
+    place = np.searchsorted(bins.t_s, t_s).clip(max=len(bins.t_s) - 1)
     flies: Mask = in_flight(bins, context, [])[place]
     for mode in context.modes:
         if mode.name.upper() in WITHOUT_ATTITUDE:

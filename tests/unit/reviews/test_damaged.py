@@ -5,7 +5,7 @@ import orjson
 import pytest
 from reviewed_flights import flight
 
-from h2nav.recordings.context import Motors
+from h2nav.recordings.context import Motors, Series
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.parameters import in_order
 
@@ -20,7 +20,7 @@ def test_parameters_of_any_size_are_written(value):
 def test_samples_of_an_accelerometer_at_one_time():
     t_s = np.arange(0.0, 10.0, 0.1)
     motors = Motors((1, 2, 3, 4), t_s, np.full((len(t_s), 4), 1500.0), 1000.0, 1950.0)
-    made = flight(motors=motors)
+    made = flight(motors=motors, demand=Series(t_s, np.zeros((len(t_s), 3))))
     frozen = tuple(
         track._replace(t_s=np.full(len(track.t_s), track.t_s[0])) for track in made.context.imus
     )
