@@ -559,6 +559,7 @@ class Monitor:
             for window in self._windows
             if window.ratio > (open_ratio if window.length_s > SURE_S else 1.0)
         ]
+        tilts.append(self._velocity.biased_tilt_rad)
         headings = []
         if self._explained.is_suspicious:
             tilts.append(self._explained.tilt_rad)

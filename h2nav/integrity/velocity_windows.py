@@ -142,6 +142,17 @@ class VelocityWindows:
             del self._marks[0]
         return True
 
+    @property
+    def biased_tilt_rad(self) -> float:
+        """The tilt that the accelerometer's bias looks like, beyond what is usual of a sound one.
+
+        Its bias along z, its scale and its axes are off by as much, and nobody estimates them.
+        """
+        if not self._marks:
+            return 0.0
+        square = math.hypot(*self._marks[-1].force_bias_b) ** 2 - 2.0 * FORCE_SIGMA_M_S2**2
+        return math.sqrt(max(square, 0.0)) / GRAVITY_M_S2
+
     def is_stale(self, t_us: int) -> bool:
         """Whether there is no recent velocity."""
         return not self._marks or t_us - self._marks[-1].moment.t_us > STALE_US

@@ -115,13 +115,18 @@ def test_honest_sensors_raise_nothing(gps, seed):
     assert all(not alarms for _, alarms, _, _ in watched(flight(seed), gps=gps))
 
 
-def test_a_zero_of_the_accelerometer_that_is_known_contradicts_nothing():
+def test_a_zero_of_the_accelerometer_that_is_known_contradicts_nothing_and_opens_the_tilt():
     """50 mg, which the filter has learnt after half a minute of turns."""
     drive = with_samples(
         flight(), lambda _, s: s._replace(f_b=(s.f_b[0] + 0.5, s.f_b[1] - 0.5, s.f_b[2]))
     )
-    worst = max(monitor.ratios.of_velocity for t_s, _, _, monitor in flown(drive) if t_s > FAULT_S)
-    assert worst < 0.8
+    later = [
+        (monitor.ratios.of_velocity, monitor.opened(estimate).sigma_tilt_rad)
+        for t_s, _, estimate, monitor in flown(drive)
+        if t_s > FAULT_S
+    ]
+    assert max(ratio for ratio, _ in later) < 0.8
+    assert min(sigma_rad for _, sigma_rad in later) > 1.5 * DEG
 
 
 @pytest.mark.parametrize("gps", [True, False])
