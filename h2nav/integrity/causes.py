@@ -116,6 +116,7 @@ class Explained(NamedTuple):
     drift_m_s2: float = 0.0  # deviation of a drift of the velocity, if that may be false
     # whether the best cause is a jump of the velocity, with rows behind it that agree again
     has_jumped: bool = False
+    jumped_us: int = 0  # when the latest jump of the velocity began, if it is the best cause
 
     def share(self, cause: Cause) -> float:
         """Probability of a cause."""
@@ -251,12 +252,15 @@ class _Comparison:
         winner = max(odds, key=lambda cause: odds[cause])
         mine = [one for one in variants if one.cause is winner]
         is_seen, step, has_jumped = self._shaken > SHAKEN_DENSITY, 0.0, False
+        jumped_us = 0
         if mine:
             likeliest = _likeliest(mine)
             is_seen = self._is_beyond_receiver(winner) and self._is_seen(mine)
             is_seen = is_seen and not self._leaves(likeliest)
             is_jump = winner is Cause.VELOCITY and not likeliest.drifts
             has_jumped = is_jump and len(self._rows) - likeliest.begun > JUMP_ROWS
+            if is_jump:
+                jumped_us = self._rows[likeliest.begun].begun.moment.t_us
             if likeliest.own > 0:
                 step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
         rate_b = force_b = (0.0, 0.0, 0.0)
@@ -264,7 +268,14 @@ class _Comparison:
         if self._shaken <= SHAKING_DENSITY:
             rate_b, force_b = self._rate(variants), self._force(variants)
         found = Explained(
-            max(best - none, 0.0), shares, is_seen, rate_b, force_b, step, has_jumped=has_jumped
+            max(best - none, 0.0),
+            shares,
+            is_seen,
+            rate_b,
+            force_b,
+            step,
+            has_jumped=has_jumped,
+            jumped_us=jumped_us,
         )
         return self._with_errors(found, variants)
 

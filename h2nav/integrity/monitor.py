@@ -117,6 +117,8 @@ REFUSED_US = 120_000_000
 # A jump of the velocity may be its way back from a falsehood that it was suspected of in this time
 # before.
 FALSE_US = 300_000_000
+# So far apart two windows may place one jump.
+SAME_JUMP_US = 5_000_000
 # A field used this recently holds the heading.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -176,6 +178,7 @@ class Monitor:
         # when it was last suspected, now and in an earlier contradiction
         self._doubted_us: int | None = None
         self._was_doubted_us: int | None = None
+        self._back_us: int | None = None  # when it jumped back from that, if it has
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._cleared: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
@@ -351,9 +354,8 @@ class Monitor:
             return None
         self._suspected_us = self._suspected_us or t_us
         is_back = self._may_be_back(t_us, found)
-        if self._is_told(t_us) and found.share(Cause.VELOCITY) * SUSPECTED > 1.0:
-            self._doubted_us = t_us
         if is_back:
+            self._back_us = found.jumped_us
             self._refused_us = self._refused = None
             self._decisions.pop(Cause.VELOCITY, None)
         elif found.decided is not None and not self._may_be_aliased(found):
@@ -362,6 +364,10 @@ class Monitor:
                 self._bent_us = t_us
             self._shown[found.decided] = found
         if not is_back:
+            is_seen_back = self._back_us is not None and t_us - self._back_us < LONG_S * 1e6
+            is_suspected = found.share(Cause.VELOCITY) * SUSPECTED > 1.0
+            if is_suspected and self._is_told(t_us) and not is_seen_back:
+                self._doubted_us = t_us
             self._hear_velocity(t_us, found)
         if found.decided is None and t_us - self._suspected_us < SUSPECTED_US:
             return None
@@ -389,12 +395,17 @@ class Monitor:
         """Whether a jump of the velocity may end an earlier falsehood: nobody is accused for it."""
         if not found.share(Cause.VELOCITY) > PROBABLY or found.drift_m_s2 > 0.0:
             return False
+        if self._refused_us is not None and found.jumped_us <= self._refused_us:
+            return False  # it is the jump for which the velocity is refused
+        if self._back_us is not None and found.jumped_us - self._back_us > SAME_JUMP_US:
+            return False  # it has come back before
         since_us = self._was_doubted_us
         return since_us is not None and t_us - since_us < FALSE_US
 
     def _forget_cause(self) -> None:
         if self._doubted_us is not None:
             self._was_doubted_us, self._doubted_us = self._doubted_us, None
+            self._back_us = None
         self._explained = NOTHING
         self._suspected_us = self._contradicted_us = None
         self._decisions.clear()

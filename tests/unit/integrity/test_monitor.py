@@ -29,8 +29,8 @@ END_S = 70.0
 REST = (0.0, 0.0, 0.0)
 
 
-def flight(seed=7):
-    return with_noise(accelerating(END_S, seed, law=turning), 0.2, seed)
+def flight(seed=7, end_s=END_S):
+    return with_noise(accelerating(end_s, seed, law=turning), 0.2, seed)
 
 
 def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
@@ -226,6 +226,24 @@ def test_a_velocity_that_comes_back_from_a_false_one_is_not_called_false():
     }
     assert FAULT_S < min(told) < FAULT_S + 4.0
     assert max(told) < back_s + 0.5
+
+
+@pytest.mark.parametrize("false_s", [8.0, 15.0])
+def test_a_way_back_excuses_one_jump_and_not_the_next_falsehood(false_s):
+    again_s = FAULT_S + false_s + 25.0
+    back_s = again_s + 15.0
+
+    def spoofed(t_s, v_n):
+        is_false = FAULT_S <= t_s < FAULT_S + false_s or again_s <= t_s < back_s
+        return (v_n[0] + (5.0 if is_false else 0.0), *v_n[1:])
+
+    told = [
+        t_s
+        for t_s, alarms, _, _ in watched(flight(end_s=back_s + 10.0), spoofed)
+        if t_s > again_s and any(alarm.kind is Kind.GPS_VELOCITY for alarm in alarms)
+    ]
+    assert told[0] < again_s + 2.0
+    assert back_s - 0.5 < told[-1] < back_s + 0.5
 
 
 @pytest.mark.parametrize(
