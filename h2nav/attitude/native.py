@@ -60,6 +60,12 @@ def _current_build() -> ModuleType | None:
     return native if fits and native.kernel_digest == digest(texts) else None
 
 
+def compiled_or(functions: ModuleType) -> ModuleType:
+    """The compiled functions, or those of the same names in Python where they are absent."""
+    native = native_kernels()
+    return functions if native is None else native
+
+
 def backend() -> str:
     """The backend of the kernels: ``native`` or ``python``."""
     return "python" if native_kernels() is None else "native"

@@ -6,7 +6,7 @@ Equations: docs/integrity.md, section 5.
 """
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from h2nav.attitude.samples import Vec3
 
@@ -40,21 +40,21 @@ def compose(
             each row, NED, m/s; three turns to each row, and TURNS to the end, NED.
     """
     table, gained, turns, in_all = found
-    axes = _vectors(to_n)
+    axes = vectors(to_n)
     (a, b, c), (d, e, f), _ = axes
     rows = len(measured) // MEASURED
     turned: list[Vec3] = [(0.0, 0.0, 0.0)] * TURNS
     for row in range(rows):
-        own = _vectors(integrals[3 * VECTORS * row : 3 * VECTORS * (row + 1)])
+        own = vectors(integrals[3 * VECTORS * row : 3 * VECTORS * (row + 1)])
         x, y, z = own[GAINED]
         g = _in_n(axes, own[GAINED])
-        vectors = [
+        moved = [
             (u + (q * z - r * y), v + (r * x - p * z), w + (p * y - q * x))
             for (p, q, r), (u, v, w) in zip(turned, own[BENT:PUSHED], strict=True)
         ]
-        vectors += own[PUSHED:]
-        norths = [a * u + b * v + c * w for u, v, w in vectors]
-        easts = [d * u + e * v + f * w for u, v, w in vectors]
+        moved += own[PUSHED:]
+        norths = [a * u + b * v + c * w for u, v, w in moved]
+        easts = [d * u + e * v + f * w for u, v, w in moved]
         tilts = ((0.0, g[2], -g[1]), (-g[2], 0.0, g[0]))
         for axis, (bent, tilt) in enumerate(zip((norths, easts), tilts, strict=True)):
             change, *by_receiver = measured[MEASURED * row + axis : MEASURED * (row + 1) : 2]
@@ -71,7 +71,7 @@ def compose(
     in_all[:] = array("d", [part for turn in turned for part in _in_n(axes, turn)])
 
 
-def _vectors(flat: Sequence[float]) -> list[Vec3]:
+def vectors(flat: Iterable[float]) -> list[Vec3]:
     """The vectors that stand one after the other."""
     numbers = iter(flat)
     return list(zip(numbers, numbers, numbers, strict=True))

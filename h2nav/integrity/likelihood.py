@@ -12,18 +12,12 @@ from array import array
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from operator import mul
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from h2nav.attitude.native import native_kernels
+from h2nav.attitude.native import compiled_or
 from h2nav.integrity import normal_equations
 
 NOTHING = array("d")
-
-
-def _sums() -> Any:
-    """The functions of `normal_equations`, compiled if they are."""
-    native = native_kernels()
-    return normal_equations if native is None else native
 
 
 class HypothesisFit(NamedTuple):
@@ -43,12 +37,12 @@ class HypothesisFit(NamedTuple):
     def unknowns(self) -> list[float]:
         """The most probable ones."""
         found = _numbers(len(self.forward))
-        _sums().unknowns(self.root, self.forward, self.sigmas, found)
+        compiled_or(normal_equations).unknowns(self.root, self.forward, self.sigmas, found)
         return found.tolist()
 
     def covariance(self, places: Sequence[int]) -> list[list[float]]:
         """The covariance of some unknowns."""
-        sums, count = _sums(), len(self.forward)
+        sums, count = compiled_or(normal_equations), len(self.forward)
         solved, found = _numbers(len(places) * count), _numbers(len(places) ** 2)
         sums.spread(self.root, self.sigmas, bytes(places), solved)
         sums.products(solved, solved, count, 0, found)
@@ -72,7 +66,7 @@ class LinearModel:
         columns: Sequence[Sequence[float]],
         noise: tuple[float, float],
     ) -> None:
-        self._sums, self._rows = _sums(), len(lengths_s)
+        self._sums, self._rows = compiled_or(normal_equations), len(lengths_s)
         factors = whitening(lengths_s, *noise)
         self._factors = array("d", chain.from_iterable(factors))
         self._columns = self._white(columns, 0)
@@ -140,7 +134,7 @@ class Since:
     """
 
     def __init__(self, crossed: "array[float]", own: "array[float]", right: "array[float]") -> None:
-        self._sums = _sums()
+        self._sums = compiled_or(normal_equations)
         self._further = crossed, own, right
 
     def fit(self, base: HypothesisFit, places: Sequence[int], sigma: float) -> HypothesisFit:

@@ -11,15 +11,15 @@ Equations: docs/integrity.md, section 5.
 import math
 import statistics
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from operator import add, mul
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from h2nav.attitude.native import native_kernels
+from h2nav.attitude.native import compiled_or
 from h2nav.attitude.samples import SensorErrors, Vec3
 from h2nav.integrity import composition
-from h2nav.integrity.composition import BENT, COLUMNS, TURNED, TURNS, VECTORS
+from h2nav.integrity.composition import BENT, COLUMNS, TURNED, TURNS, VECTORS, vectors
 from h2nav.integrity.velocity_windows import STALE_US, Level, Mark
 from h2nav.maths.quaternion import Quat, conjugate, multiply, rotate
 
@@ -50,10 +50,9 @@ class VelocityRow(NamedTuple):
     ended: Mark  # the mark at its end
     errors: SensorErrors  # the filter's knowledge of its sensors at the beginning
     length_s: float  # from mark to mark
-    # vectors one after the other (a tuple of tuples is five times as large), as in
-    # `composition`: GAINED, the
-    # integral of the specific force, m/s; TURNED, the negative angle of each of TURNS, per
-    # unit; BENT, the effect of these turns on the gained velocity, per the same units;
+    # vectors one after the other (a tuple of tuples is five times as large), as in `composition`:
+    # GAINED, the integral of the specific force, m/s; TURNED, the negative angle of each of TURNS,
+    # per unit; BENT, the effect of these turns on the gained velocity, per the same units;
     # PUSHED, minus the integral of the body's axes x and y, s
     integrals: "array[float]"
 
@@ -112,7 +111,7 @@ class _OpenRow:
         scaled = [-part * along for part, axis in zip(angle, axes, strict=True) for along in axis]
         own, turned_from, bent_from = self._integrals, 3 * TURNED, 3 * BENT
         turned = [*map(add, own[turned_from:bent_from], (*pushed, *scaled, *used))]
-        bent = [part for turn_s in _vectors(turned) for part in cross(turn_s, force)]
+        bent = [part for turn_s in vectors(turned) for part in cross(turn_s, force)]
         more = (*bent, *pushed[:6])
         self._integrals = array(
             "d", (*map(add, own[:turned_from], force), *turned, *map(add, own[bent_from:], more))
@@ -275,21 +274,15 @@ def columns(rows: Sequence[VelocityRow]) -> VelocityColumns:
     measured = array("d", chain.from_iterable(row.measured for row in rows))
     sizes = (2 * count * COLUMNS, 3 * count, 9 * count, 3 * TURNS)
     table, gained, turned, in_all = found = tuple(array("d", bytes(8 * size)) for size in sizes)
-    _sums().compose(to_n, known, integrals, measured, found)
+    compiled_or(composition).compose(to_n, known, integrals, measured, found)
     left, *of = [table[i : i + 2 * count].tolist() for i in range(0, len(table), 2 * count)]
-    *turned_in_all, used = _vectors(in_all)
-    turns = _vectors(turned)
+    *turned_in_all, used = vectors(in_all)
+    turns = vectors(turned)
     used = plus(NOTHING, -1.0, used)
     for bias, per_unit in zip(bias_b, turned_in_all, strict=False):
         used = plus(used, bias, per_unit)
     each = list(zip(turns[::3], turns[1::3], turns[2::3], strict=True))
-    return VelocityColumns(left, of, _vectors(gained), each, tuple(turned_in_all), used)
-
-
-def _sums() -> Any:
-    """The function of `composition`, compiled if it is."""
-    native = native_kernels()
-    return composition if native is None else native
+    return VelocityColumns(left, of, vectors(gained), each, tuple(turned_in_all), used)
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
@@ -299,12 +292,6 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
         a[2] * b[0] - a[0] * b[2],
         a[0] * b[1] - a[1] * b[0],
     )
-
-
-def _vectors(flat: Iterable[float]) -> list[Vec3]:
-    """The vectors that stand one after the other."""
-    numbers = iter(flat)
-    return list(zip(numbers, numbers, numbers, strict=True))
 
 
 def plus(a: Vec3, size: float, b: Vec3) -> Vec3:

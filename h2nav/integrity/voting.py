@@ -202,8 +202,8 @@ class _Shaken:
         # by the octave of the power: windows, and mean square of an axis
         self._usual: dict[int, tuple[int, float]] = {}
 
-    def mean_square(self, left: Vec3) -> float:
-        """Takes what is left of a difference; the square of its mean (three axes)."""
+    def take(self, left: Vec3) -> float:
+        """Takes what is left of a difference; returns the square of its mean (three axes)."""
         self._latest.append(left)
         x, y, z = (sum(axis) / len(self._latest) for axis in zip(*self._latest, strict=True))
         return _square((x, y, z))
@@ -343,7 +343,7 @@ class _Pair:
             p[i][i] += sheet.shape_walk * sheet.shape_walk * VOTING_WINDOW_S
         ph = [_dot4(row, h) for row in p]
         power, size = self._power(one, other), _square(left)
-        shaken, mean = self._shaken.variance(power), self._shaken.mean_square(left)
+        shaken, mean = self._shaken.variance(power), self._shaken.take(left)
         sound = _dot4(h, ph) + self._variance(one, other, value)
         total = sound + min(power, SHAKEN_WINDOWS * shaken) + self._scatter
         of_mean = math.sqrt(mean / (sound + shaken)) / GATE
