@@ -7,8 +7,9 @@ windows of the last half minute. The latency of the receiver is fitted along, be
 resembles a heading error, and so is the bias of our accelerometer, which resembles a tilt until the
 vehicle turns: at rest and in a straight flight no velocity shows which of two tilts is right.
 
-A receiver that is excluded may speak for the other attitude, so that an exclusion cannot hide our
-own error, but never for ours, which its false velocity may have bent before it was excluded.
+Where our attitude may be bent, by a velocity that is or was held to be false or by a wrong sensor,
+velocities may speak for the other attitude, so that nothing hides our own error, but never for
+ours: they may fit it because they have bent it.
 """
 
 import math
@@ -129,12 +130,12 @@ class VelocityWitness:
         self._settled_us: int | None = None
         self._windows: deque[_Window] = deque(maxlen=WINDOWS)
         self._found = Verdicts()  # by the windows of the last `EVIDENCE_US`
-        self._is_excluded = False
+        self._may_be_bent = False
 
     @property
     def verdicts(self) -> Verdicts:
         """By the velocities of the last `EVIDENCE_US`."""
-        return Verdicts(*map(_not_for_us, self._found)) if self._is_excluded else self._found
+        return Verdicts(*map(_not_for_us, self._found)) if self._may_be_bent else self._found
 
     def differs(self, t_us: int, q_nb: Quat, turn_n: Quat, heading_rad: float) -> None:
         """Takes our attitude, the turn (NED) from it to the other one, and the turn's heading."""
@@ -151,18 +152,18 @@ class VelocityWitness:
         if len(self._windows) < before:
             self._found = _verdicts(self._windows)
 
-    def fix(self, fix: VelocityFix, *, is_excluded: bool = False) -> None:
+    def fix(self, fix: VelocityFix, *, may_be_bent: bool = False) -> None:
         """Takes a velocity; closes a window that has become long enough.
 
         Args:
             fix: of the receiver.
-            is_excluded: whether its velocity is held to be false.
+            may_be_bent: whether our attitude may follow a false velocity or a wrong sensor.
         """
-        if self._is_excluded and not is_excluded:
-            # Nothing from the time of the exclusion speaks for anybody after it.
+        if self._may_be_bent and not may_be_bent:
+            # Nothing from that time speaks for anybody after it.
             self._windows.clear()
             self._start, self._found = None, Verdicts()
-        self._is_excluded = is_excluded
+        self._may_be_bent = may_be_bent
         now = self._integrated
         if now.t_us is None:
             return

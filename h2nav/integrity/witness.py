@@ -246,11 +246,11 @@ class Witness:
             found += self._compare(*self._waiting.popleft())
         return found
 
-    def fix(self, fix: VelocityFix, *, is_excluded: bool = False) -> None:
-        """Takes a velocity of the GPS receiver, and whether it is held to be false."""
+    def fix(self, fix: VelocityFix, *, may_be_bent: bool = False) -> None:
+        """Takes a velocity of the GPS receiver; see `VelocityWitness.fix`."""
         if fix.independent:
             for reporter in self._reporters.values():
-                reporter.velocity.fix(fix, is_excluded=is_excluded)
+                reporter.velocity.fix(fix, may_be_bent=may_be_bent)
 
     def report(self, source: AttitudeSource, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
         """Takes an attitude of the autopilot; stores it until ours of its time is known.

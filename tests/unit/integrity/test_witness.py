@@ -217,7 +217,7 @@ class Flight:
                 )
                 fix = VelocityFix(t_us, (north, east, 0.0), 0.3)
                 since_s, until_s = excluded_s
-                self.witness.fix(fix, is_excluded=since_s <= t_s < until_s)
+                self.witness.fix(fix, may_be_bent=since_s <= t_s < until_s)
 
     @property
     def text(self):
