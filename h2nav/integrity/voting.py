@@ -208,6 +208,10 @@ class _Shaken:
         x, y, z = (sum(axis) / len(self._latest) for axis in zip(*self._latest, strict=True))
         return _square((x, y, z))
 
+    def forget(self) -> None:
+        """Begins a new mean; what is usual stays."""
+        self._latest.clear()
+
     def learn(self, power: float, square: float) -> None:
         """Learns from the mean of sound sensors at this power."""
         windows, usual = self._usual.get(_octave(power), (0, 0.0))
@@ -320,6 +324,7 @@ class _Pair:
     def clear(self) -> None:
         """Forgets that they differ: the reason is known."""
         self.test, self.shape, self.raised_us = Lasting(), _Shape(), None
+        self._shaken.forget()
 
     def compare(self, t_us: int, one: _Window, other: _Window) -> None:
         """Compares one window of both."""

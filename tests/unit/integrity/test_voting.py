@@ -108,7 +108,7 @@ def late(seconds):
     return lambda _v, t_s: rate(t_s - seconds)
 
 
-def fly(imus, end_s, suspicions=None, begin_s=0.0, voting=None):
+def fly(imus, end_s, suspicions=None, begin_s=0.0, voting=None, excluded=lambda t_s: NOBODY):
     """The alarms that begin, with their times: [(s, alarm)]."""
     voting, told, known = voting or Voting(), [], set()
     times = sorted(
@@ -121,7 +121,7 @@ def fly(imus, end_s, suspicions=None, begin_s=0.0, voting=None):
         voting.take(number, imus[number].sample(t_s))
         if t_s - looked_s >= 0.05:
             looked_s = t_s
-            voting.look((suspicions or {}) if t_s > FAULT_S + 0.5 else {}, NOBODY)
+            voting.look((suspicions or {}) if t_s > FAULT_S + 0.5 else {}, excluded(t_s))
             for alarm in voting.alarms():
                 if (alarm.kind, alarm.sensor) not in known:
                     known.add((alarm.kind, alarm.sensor))
@@ -174,6 +174,23 @@ SOUND = {
 @pytest.mark.parametrize("what", SOUND)
 def test_what_sound_sensors_differ_by_accuses_nobody(what):
     told, _ = fly([Imu(1), Imu(2), SOUND[what]], 120.0)
+    assert told == []
+
+
+@pytest.mark.parametrize("imus", [2, 3])
+def test_a_sensor_that_was_stuck_and_is_sound_again_differs_from_nobody(imus):
+    """What it differed by meanwhile is no part of any mean afterwards."""
+    sound_s = FAULT_S + 10.0
+
+    def stuck(f, t_s):
+        return (3.0, -4.0, -9.0) if t_s < sound_s else f
+
+    def excluded(t_s):
+        is_stuck = FAULT_S + 0.2 < t_s < sound_s + 0.2
+        return frozenset({(InertialSensor.ACCELEROMETER, 1)}) if is_stuck else NOBODY
+
+    flown = [Imu(n, force_fault=stuck if n == 1 else None) for n in range(imus)]
+    told, _ = fly(flown, sound_s + 10.0, excluded=excluded)
     assert told == []
 
 
