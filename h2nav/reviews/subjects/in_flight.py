@@ -12,6 +12,7 @@ KINDS = (
         phrase="an accelerometer's bias jumped",
         void=(Kind.VIBRATION, Kind.VIBRATION_LEVEL),
         section="bias",
+        traits=Trait.UPSET,
         shown_by=(
             "residual of the receiver's acceleration after the force, over 4 s before and after, "
             "the attitude propagated by the gyro alone"

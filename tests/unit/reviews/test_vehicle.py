@@ -462,6 +462,26 @@ def test_an_attitude_that_a_wrong_gyro_led_astray_is_no_loss_of_control():
     assert (lost.cause, lost.severity) == ("gyro_bias.1", Severity.NOTICE)
 
 
+@pytest.mark.parametrize(
+    ("from_s", "severity"), [(45.0, Severity.WARNING), (51.5, Severity.NOTICE)]
+)
+def test_what_an_accelerometer_shows_once_a_motor_has_failed_is_a_note(from_s, severity):
+    failed = Finding(
+        Kind.MOTOR_FAILED, Sensor(SensorKind.MOTOR, 1), Severity.CRITICAL, 50.0, 51.0, 0.0, "",
+        "text", "", "motor_failed.motor.1",
+    )  # fmt: skip
+    jumped = failed._replace(
+        kind=Kind.ACCELEROMETER_BIAS_STEP,
+        sensor=Sensor(SensorKind.IMU, 1),
+        severity=Severity.WARNING,
+        from_s=from_s,
+        id="jumped",
+    )
+    links = chain(multirotor()._replace(findings=(failed, jumped)), Analysis())
+    told = next(one for one in links.findings if one.id == "jumped")
+    assert told.severity is severity
+
+
 def test_an_accelerometer_that_was_wrong_at_the_end_explains_what_came_before():
     sensor = Sensor(SensorKind.IMU, 1)
     felt = Finding(
