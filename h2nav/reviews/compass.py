@@ -48,6 +48,7 @@ SURE = 5.0
 BETTER = 0.7
 ROUNDS = 12
 MIN_NOISE_SHARE = 0.015
+COMES_AND_GOES = "no setting mends a field that changes in flight"
 # Usual sizes: offsets of a vehicle's own parts, a compass's soft iron.
 OFFSET_UT = 60.0
 SOFT = 0.1
@@ -140,7 +141,11 @@ def detect_compass(
     if fit is not None and by_motors and _is_of_motors(by_motors, usual):
         found += _by_current(track.imu, usual, fit, by_motors)
     elif fit is not None:
-        found += _constant(track.imu, usual, fit, context, is_raw=is_raw)
+        came_and_went = any(one.severity <= Severity.WARNING for one in found)
+        change = (
+            COMES_AND_GOES if came_and_went else _change(track.imu, fit, context, is_raw=is_raw)
+        )
+        found += _constant(track.imu, usual, fit, change, is_raw=is_raw)
     if fit is not None:
         found += _motors(track.imu, usual, fit, is_current=context.throttle is None)
     return shown, _sectors(track.imu, usual, fit), found
@@ -474,9 +479,9 @@ def _lever(rows: SentFields) -> Array | None:
 
 
 def _constant(
-    compass: int, rows: SentFields, fit: Fit, context: Context, *, is_raw: bool
+    compass: int, rows: SentFields, fit: Fit, change: str, *, is_raw: bool
 ) -> list[Finding]:
-    """Hard iron, soft iron and scale throughout the flight."""
+    """Hard iron, soft iron and scale throughout a part of the flight; see `_change`."""
     if fit.after_ut > BETTER * fit.before_ut or not _has_turned(rows):
         return []
     norm = float(np.median(rows.norm_ut))
@@ -496,11 +501,10 @@ def _constant(
     if _is_large(fit, rows):
         x, y, z = offset * MG_PER_UT
         size = float(np.linalg.norm(offset)) * MG_PER_UT
-        text = f"hard iron of {size:.0f} mG all along"
+        text = f"hard iron of {size:.0f} mG"
         evidence = (
             f"({x:+.0f}, {y:+.0f}, {z:+.0f}) mG forward, right, down: up to {turned / DEG:.0f} deg "
-            f"of heading; {_change(compass, offset, context, is_raw=is_raw)}; by strength and dip "
-            "alone, whatever the heading was"
+            f"of heading; {change}; by strength and dip alone, whatever the heading was"
         )
         report(Kind.COMPASS_HARD_IRON, size, "mG", text, evidence)
     soft = float(np.hypot(*fit.x[4:6]))
@@ -559,11 +563,11 @@ def _has_turned(rows: SentFields) -> bool:
     return bool(np.count_nonzero(counts > MIN_SHARE * counts.sum()) >= MIN_SECTORS)
 
 
-def _change(compass: int, offset_ut: Array, context: Context, *, is_raw: bool) -> str:
+def _change(compass: int, fit: Fit, context: Context, *, is_raw: bool) -> str:
     """The setting to change, in the autopilot's own parameters if they are known."""
     if is_raw:
         return "the message shows the field without the autopilot's calibration"
-    own, x, y, z = context.parameters, *(offset_ut * MG_PER_UT)
+    own, x, y, z = context.parameters, *(fit.x[:3] * MG_PER_UT)
     number = "" if compass == 0 else str(compass + 1)
     ardupilot = [f"COMPASS_OFS{number}_{axis}" for axis in "XYZ"]
     if all(name in own for name in ardupilot):

@@ -79,6 +79,16 @@ def test_a_field_that_px4_sends_without_its_calibration_is_no_fault():
     assert found.severity is Severity.INFO
 
 
+def test_no_setting_is_named_where_the_field_also_changed_in_flight():
+    flown = flight(parameters=OFFSETS)
+    is_there = (flown.context.imus[0].t_s > 60.0)[:, None]
+    magnet = np.array([20.0, -8.0, 3.0])
+    analysis = analyse(with_field(flown, measured(flown) + IRON_UT + is_there * magnet))
+    found = {one.kind: one for one in analysis.findings}
+    assert found["compass_step"].severity is Severity.WARNING
+    assert "COMPASS_OFS" not in found["compass_hard_iron"].evidence
+
+
 def test_a_magnet_that_comes_and_goes_has_its_times_and_its_field():
     flown = flight()
     t_s = flown.context.imus[0].t_s
