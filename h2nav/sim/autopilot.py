@@ -258,6 +258,7 @@ class FakeAutopilot:
         if self._heartbeat_ns <= now_ns:
             self._heartbeat_ns = now_ns + SECOND_NS
             self._every_second()
+        self._tell_arming()
         for message in self.logs.due(
             now_ns,
             is_armed=self.vehicle.is_armed,
@@ -311,11 +312,14 @@ class FakeAutopilot:
         if self._heartbeats % TIMESYNC_EVERY == 0:
             self._send(mavlink.MAVLink_timesync_message(0, vehicle.boot_us * 1000 + 1))
         self._heartbeats += 1
-        if vehicle.is_armed and not self._was_armed:
+
+    def _tell_arming(self) -> None:
+        """Says at once that it is armed; the heartbeat says so when it is due."""
+        if self.vehicle.is_armed and not self._was_armed:
             self._send(
                 mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, b"Arming motors")
             )
-        self._was_armed = vehicle.is_armed
+        self._was_armed = self.vehicle.is_armed
 
     def _send(self, message: Any, compid: int = AUTOPILOT_COMPONENT) -> None:
         self.streams.occupy(self._now_ns, _FRAME_OVERHEAD + message.unpacker.size)
