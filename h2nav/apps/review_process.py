@@ -1,10 +1,11 @@
 """Runs `h2nav.apps.reviewer` in a process of its own, watched without waiting."""
 
+import contextlib
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import orjson
 
@@ -12,6 +13,7 @@ from h2nav.apps.reviewer import ReviewJob
 from h2nav.flights.folder import FlightFolder
 
 MAX_SAID_BYTES = 1 << 20
+MAX_LAST_WORDS = 200
 _READ_BYTES = 65536
 
 
@@ -38,7 +40,7 @@ class ReviewProcess:
     def __init__(self, job: ReviewJob) -> None:
         self._job = job
         self._process: subprocess.Popen[bytes] | None = None
-        self._said = b""
+        self._said = self._complained = b""
 
     @property
     def is_running(self) -> bool:
@@ -49,17 +51,18 @@ class ReviewProcess:
         """Starts it; raises OSError."""
         modules = os.pathsep.join(path for path in sys.path if path)
         one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-        self._said = b""
+        self._said = self._complained = b""
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "h2nav.apps.reviewer", orjson.dumps(self._job._asdict())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,  # a recording could flood the journal
+            stderr=subprocess.PIPE,  # not the journal: a recording could flood it
             env={**os.environ, **one_thread, "PYTHONPATH": modules},
             process_group=0,  # Ctrl-C is for its parent
         )
-        assert self._process.stdout is not None
-        os.set_blocking(self._process.stdout.fileno(), False)
+        for stream in (self._process.stdout, self._process.stderr):
+            assert stream is not None
+            os.set_blocking(stream.fileno(), False)
 
     def outcome(self) -> ReviewOutcome | None:
         """Returns what came of it, once; None while it runs."""
@@ -87,19 +90,13 @@ class ReviewProcess:
             FlightFolder(Path(self._job.root), Path(self._job.reviews)).forget_attempt(began)
 
     def _listen(self, process: "subprocess.Popen[bytes]") -> None:
-        assert process.stdout is not None
-        while True:
-            try:
-                data = os.read(process.stdout.fileno(), _READ_BYTES)
-            except BlockingIOError:
-                return
-            if not data:
-                return
-            self._said = (self._said + data)[-MAX_SAID_BYTES:]
+        self._said = _heard(process.stdout, self._said)
+        self._complained = _heard(process.stderr, self._complained)
 
     def _close(self, process: "subprocess.Popen[bytes]") -> None:
-        assert process.stdout is not None
-        process.stdout.close()
+        for stream in (process.stdout, process.stderr):
+            assert stream is not None
+            stream.close()
         self._process = None
 
     def _lines(self) -> list[dict[str, Any]]:
@@ -132,5 +129,19 @@ class ReviewProcess:
                     dict(said.get("summary", {})),
                 )
         reason = f"signal {-status}" if status < 0 else f"status {status}"
+        last = self._complained.decode(errors="replace").strip().rpartition("\n")[2]
+        if last:  # such as a library's that ends the process where it lacks memory
+            shown = "".join(each if each.isprintable() else "_" for each in last)
+            reason += f": {shown[:MAX_LAST_WORDS]}"
         at = self._last("name")
+        self._job = self._job._replace(ended=(self._last("began"), reason))
         return ReviewOutcome(trouble=f"the review{f' of {at}' if at else ''} ended with {reason}")
+
+
+def _heard(stream: IO[bytes] | None, before: bytes) -> bytes:
+    """The last of what came from a pipe before and has come by now."""
+    assert stream is not None
+    with contextlib.suppress(BlockingIOError):
+        while data := os.read(stream.fileno(), _READ_BYTES):
+            before = (before + data)[-MAX_SAID_BYTES:]
+    return before

@@ -7,6 +7,7 @@ and ends. A recording that cannot be reviewed gets an error for a review.
 
 import contextlib
 import ctypes
+import errno
 import fcntl
 import os
 import resource
@@ -15,7 +16,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -34,8 +35,12 @@ if TYPE_CHECKING:  # loaded where there is a flight to review
 
 MAX_FILES = 128
 MAX_PAGE_BYTES = 1 << 29
-# After the limit of processor time, for the words of the error.
+# After the limit of processor time, and of memory, for the words of the error.
 LAST_WORDS_S = 10
+LAST_WORDS_BYTES = 16 * MIB
+# An error beside which less memory than this was left is not blamed on the code that it was in:
+# the interpreter asks for memory in pieces of this size.
+SHORT_BYTES = MIB
 SCRATCH = ".review-"
 LOCK = ".lock"
 _PR_SET_PDEATHSIG = 1
@@ -51,6 +56,7 @@ class ReviewJob(NamedTuple):
     most_bytes: int = 0  # of all recordings; see `h2nav.flights.retention`
     most_days: int = 0  # age of flights without errors
     is_idle: bool = True  # it runs only while nothing else does
+    ended: Sequence[str] = ("", "")  # flight whose review ended its process last, and how
 
 
 def main() -> int:
@@ -82,11 +88,13 @@ def _bound(job: ReviewJob) -> None:
         NICEST if job.is_idle else 0,
         {
             resource.RLIMIT_NOFILE: MAX_FILES,
-            resource.RLIMIT_DATA: job.memory_mb * MIB,
             resource.RLIMIT_FSIZE: MAX_PAGE_BYTES,
             resource.RLIMIT_CORE: 0,
         },
     )
+    memory = job.memory_mb * MIB
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory + LAST_WORDS_BYTES))
     if job.is_idle:
         run_when_idle()
     signal.signal(signal.SIGXCPU, _took_too_long)
@@ -126,8 +134,10 @@ def _next_review(folder: FlightFolder, job: ReviewJob) -> dict[str, Any]:
 def _reviewed(folder: FlightFolder, flight: FlightFiles, job: ReviewJob) -> FlightRecord:
     """Reviews a flight and commits the result; OSError where it cannot be stored."""
     if folder.attempt(flight.id) > MAX_ATTEMPTS:
-        times = f"{MAX_ATTEMPTS} times"
-        return folder.commit(flight, {}, error=f"its review ended with its process, {times}")
+        ended, how = job.ended
+        error = f"its review ended with its process, {MAX_ATTEMPTS} times"
+        error += f", at last with {how}" if ended == flight.id else ""
+        return folder.commit(flight, {}, error=error)
     scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=folder.reviews))
     try:
         error = ""
@@ -136,8 +146,9 @@ def _reviewed(folder: FlightFolder, flight: FlightFiles, job: ReviewJob) -> Flig
             try:
                 summary = _written(path, scratch, _earlier(folder, flight))
             except Exception as reason:
+                is_short = _makes_room()
                 # Of two bad recordings the better one's reason counts.
-                error = error or _in_words(reason, path, job).replace(f"{path}: ", "")
+                error = error or _in_words(reason, path, job, is_short).replace(f"{path}: ", "")
             else:
                 return folder.commit(flight, summary, written=scratch)
         return folder.commit(flight, {}, error=_readable(error))
@@ -171,20 +182,35 @@ def _written(path: Path, scratch: Path, earlier: "tuple[FlightRow, ...]") -> dic
     return summary_of(document)
 
 
-def _in_words(error: Exception, path: Path, job: ReviewJob) -> str:
+def _makes_room() -> bool:
+    """Raises the limit of memory for the words of an error; whether next to nothing was left."""
+    limit, most = resource.getrlimit(resource.RLIMIT_DATA)
+    with contextlib.suppress(ValueError):
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+    # What the limit is of; the error still holds what was allocated when it was raised.
+    status = Path("/proc/self/status").read_text()
+    used = int(status.partition("VmData:")[2].split()[0]) * 1024
+    return limit - used < SHORT_BYTES
+
+
+def _in_words(error: Exception, path: Path, job: ReviewJob, is_short: bool) -> str:
     """Why a recording cannot be reviewed, in one line; raises what is no fault of the recording."""
+    too_little = f"more memory than flights.review_memory_mb, {job.memory_mb} MiB"
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+        return f"needs {too_little}"
     if isinstance(error, OSError):
         if error.filename != str(path):
             raise error
         return f"cannot be read: {error.strerror}"
     if isinstance(error, BadInput):
         return "; ".join(error.lines)
-    if isinstance(error, MemoryError):
-        return f"needs more memory than flights.review_memory_mb, {job.memory_mb} MiB"
     text = " ".join(str(error).split())
     if isinstance(error, TaskFailed):
         return text
-    return f"fault of the review: {type(error).__name__}: {text}; please report it"
+    said = f"{type(error).__name__}: {text}"
+    if is_short:  # without memory C code fails in its own ways, even Python's
+        return f"most likely needs {too_little}, of which all was in use: {said}"
+    return f"fault of the review: {said}; please report it"
 
 
 def _keep_within_limits(folder: FlightFolder, limits: RetentionLimits) -> None:

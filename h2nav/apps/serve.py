@@ -62,6 +62,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minutes", type=int, default=60, metavar="N", help="processor time of a review (60 min)"
     )
+    parser.add_argument(
+        "--review-priority",
+        choices=("idle", "normal"),
+        default="idle",
+        help="normal: review although other programs keep all processors busy (idle)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -118,7 +124,9 @@ async def _review(site: "FlightsSite", args: argparse.Namespace) -> None:
         return
     folder = site.folder
     root, reviews = folder.root.resolve(), folder.reviews.resolve()
-    process = ReviewProcess(ReviewJob(str(root), str(reviews), args.memory_mb, args.minutes))
+    is_idle = args.review_priority == "idle"
+    job = ReviewJob(str(root), str(reviews), args.memory_mb, args.minutes, is_idle=is_idle)
+    process = ReviewProcess(job)
     told = ""
     try:
         while True:

@@ -1,6 +1,8 @@
 """Which files are a flight, and when a review exists."""
 
+import itertools
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -123,3 +125,44 @@ def test_deleting_removes_recordings_and_review(tmp_path):
     folder.delete(the_flight(folder))
     assert folder.flights() == {}
     assert list(folder.reviews.iterdir()) == []
+
+
+WRITES = {"open", "os.rename", "os.remove", "os.mkdir"}
+
+
+def committed_until(folder: FlightFolder, flight, step: int) -> bool:
+    """Commits a review in a process that dies before its `step`-th change; whether it died."""
+    pid = os.fork()
+    if pid == 0:
+        left = step
+
+        def dies(event, _):
+            nonlocal left
+            left -= event in WRITES
+            if left < 0:
+                os._exit(9)
+
+        sys.addaudithook(dies)
+        folder.attempt(flight.id)
+        folder.commit(flight, summary(9), written=written(folder))
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
+
+
+def test_killed_before_any_of_its_changes_it_holds_the_old_review_or_the_new_one(tmp_path):
+    folder = add_flights(tmp_path, 1)
+    flight = the_flight(folder)
+    before = folder.record(flight.id)
+    seen = []
+    for step in itertools.count():
+        died = committed_until(folder, flight, step)
+        record = folder.record(flight.id)
+        seen.append(record != before)
+        assert folder.is_current(flight, record)
+        assert ((folder.reviews / record.page).read_text() == "new") is (record != before)
+        assert (folder.reviews / record.document).exists()
+        if not died:
+            break
+    assert seen == sorted(seen)  # once there, it stays
+    assert seen[-1]
+    assert not seen[9]
