@@ -1,4 +1,4 @@
-"""Every attitude filter under its name, made from shipped gain files, in plain Python."""
+"""Every attitude filter under its name, of shipped gain files, compiled where that is possible."""
 
 from collections.abc import Callable
 
@@ -7,6 +7,8 @@ from synthetic_imu import FIELD
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
+from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import EarthField, VehicleState
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
@@ -22,8 +24,10 @@ _VEHICLE = velocity_aided_gains(gain_files.load(MULTIROTOR), MULTIROTOR)
 _SENSOR = gain_files.load(SENSOR)
 
 FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
-    "velocity_aided": lambda: VelocityAidedFilter(_VEHICLE),
-    "velocity_aided_integer": lambda: IntegerVelocityAidedFilter(_VEHICLE, MULTIROTOR),
+    "velocity_aided": lambda: VelocityAidedFilter(_VEHICLE, compiled_step(VELOCITY_AIDED)),
+    "velocity_aided_integer": lambda: IntegerVelocityAidedFilter(
+        _VEHICLE, MULTIROTOR, compiled_step(VELOCITY_AIDED_INTEGER)
+    ),
     "constant_gain": lambda: ConstantGainFilter(constant_gain_model(_SENSOR, SENSOR)),
 }
 

@@ -1,10 +1,16 @@
-"""Flights for the default filter in integers, and ways to drive it."""
+"""Flights for the default filter in integers, and ways to drive it.
+
+The filters run compiled where that is possible; that Python gives the same bits is shown in
+unit/attitude/test_batch.py and test_native.py.
+"""
 
 import math
 from collections.abc import Callable, Sequence
 
 from needs import DEG
 
+from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
+from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
@@ -32,9 +38,14 @@ Fixes = Callable[[ImuSample], VelocityFix]
 def new_filter(
     vehicle: VehicleState = FLYING, gains: VelocityAidedGains = MULTIROTOR
 ) -> IntegerVelocityAidedFilter:
-    filter_ = IntegerVelocityAidedFilter(gains, gains.name)
+    step = compiled_step(VELOCITY_AIDED_INTEGER)
+    filter_ = IntegerVelocityAidedFilter(gains, gains.name, step)
     filter_.use_vehicle(vehicle)
     return filter_
+
+
+def new_float_filter(gains: VelocityAidedGains = MULTIROTOR) -> VelocityAidedFilter:
+    return VelocityAidedFilter(gains, compiled_step(VELOCITY_AIDED))
 
 
 def gentle(t: float) -> Vec3:

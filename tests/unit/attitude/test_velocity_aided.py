@@ -5,6 +5,8 @@ import pytest
 from needs import DEG
 from synthetic_imu import Disturbance, Flight, fly, rms_deg, slow, still, wild
 
+from h2nav.attitude.kernel_files import VELOCITY_AIDED
+from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
@@ -14,7 +16,7 @@ from h2nav.attitude.samples import (
     VehicleState,
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
+from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
 from h2nav.files import gain_files
 from h2nav.maths import quaternion
 
@@ -26,8 +28,13 @@ FIXED_WING = velocity_aided_gains(gain_files.load("fixed-wing_100hz"), "fixed-wi
 GENTLE_BIAS = (1.0 * DEG, -1.0 * DEG, 1.0 * DEG)
 
 
+def compiled(gains: VelocityAidedGains) -> VelocityAidedFilter:
+    """A filter, compiled where that is possible."""
+    return VelocityAidedFilter(gains, compiled_step(VELOCITY_AIDED))
+
+
 def new_filter(vehicle: VehicleState = FLYING) -> VelocityAidedFilter:
-    filter_ = VelocityAidedFilter(MULTIROTOR)
+    filter_ = compiled(MULTIROTOR)
     filter_.use_vehicle(vehicle)
     return filter_
 
@@ -77,7 +84,7 @@ def errors_deg(flight: Flight, filter_: VelocityAidedFilter, after_s: float = 0.
 
 @pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda gains: gains.vehicle_class)
 def test_learns_an_unknown_bias_within_30_s_of_gentle_motion(gains) -> None:
-    filter_ = VelocityAidedFilter(gains)
+    filter_ = compiled(gains)
     flight = fly(gentle, 30.0, 1, bias_b=GENTLE_BIAS, disturbance=Disturbance(force=breeze))
     estimates = run(filter_, flight.samples)
     assert bias_error_deg_s(estimates[-1][1], GENTLE_BIAS) < 0.05
@@ -245,5 +252,5 @@ def test_a_latency_that_is_learnt_outweighs_a_wrong_expectation() -> None:
 
 def test_a_slow_turn_in_the_hand_is_not_taken_for_rest() -> None:
     flight = fly(slow, 60.0, 20, bias_b=(0.3 * DEG, -0.3 * DEG, 0.3 * DEG))
-    estimates = run(VelocityAidedFilter(HANDHELD), flight.samples)
+    estimates = run(compiled(HANDHELD), flight.samples)
     assert bias_error_deg_s(estimates[-1][1], flight.bias_b) < 0.1

@@ -6,17 +6,16 @@ from itertools import pairwise
 import pytest
 from needs import DEG
 from synthetic_imu import GRAVITY, rms_deg
-from velocity_flights import GAINS, PERIOD, accelerating, follow, new_filter, surge, tilt_errors
+from velocity_flights import PERIOD, accelerating, follow, new_filter, surge, tilt_errors
 
 from h2nav.attitude.samples import Trust, VelocityFix
-from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.maths import quaternion
 
 
 def test_velocity_gives_the_tilt_under_lasting_acceleration() -> None:
     drive = accelerating(80.0, 1)
-    aided = rms_deg(tilt_errors(drive, follow(VelocityAidedFilter(GAINS), drive), 4000))
-    alone = rms_deg(tilt_errors(drive, follow(VelocityAidedFilter(GAINS), drive, until=0), 4000))
+    aided = rms_deg(tilt_errors(drive, follow(new_filter(), drive), 4000))
+    alone = rms_deg(tilt_errors(drive, follow(new_filter(), drive, until=0), 4000))
     assert aided < 0.15
     assert alone > 5.0 * aided
 
@@ -24,7 +23,7 @@ def test_velocity_gives_the_tilt_under_lasting_acceleration() -> None:
 @pytest.mark.parametrize("latency", [0, 10, 25, 40])
 def test_the_age_of_a_fix_costs_next_to_nothing(latency: int) -> None:
     drive = accelerating(60.0, 2)
-    found = follow(VelocityAidedFilter(GAINS), drive, latency)
+    found = follow(new_filter(), drive, latency)
     assert rms_deg(tilt_errors(drive, found, 4000)) < 0.2
 
 
@@ -40,7 +39,7 @@ def test_velocity_holds_the_heading_without_magnetometer() -> None:
 
 def test_aiding_starts_with_the_third_fix_and_ends_without_fixes() -> None:
     drive = accelerating(40.0, 4)
-    found = follow(VelocityAidedFilter(GAINS), drive, until=2000)
+    found = follow(new_filter(), drive, until=2000)
     is_aided = [bool(e and e.trust & Trust.VELOCITY_USED) for e in found]
     assert not any(is_aided[:60])
     assert all(is_aided[70:2000])
@@ -67,20 +66,20 @@ def test_aiding_starts_with_the_third_fix_and_ends_without_fixes() -> None:
 )
 def test_a_bad_fix_is_as_none(damaged: VelocityFix) -> None:
     drive = accelerating(10.0, 5)
-    filter_ = VelocityAidedFilter(GAINS)
+    filter_ = new_filter()
     found = []
     for i, sample in enumerate(drive.flight.samples):
         if i % PERIOD == 0:
             filter_.use_velocity(damaged._replace(t_us=sample.t_us + damaged.t_us))
         found.append(filter_.update(sample))
-    alone = VelocityAidedFilter(GAINS)
+    alone = new_filter()
     assert found == [alone.update(sample) for sample in drive.flight.samples]
     assert not any(e and e.trust & Trust.VELOCITY_USED for e in found)
 
 
 def test_an_outlier_is_refused_and_a_lasting_jump_is_taken() -> None:
     drive = accelerating(60.0, 6)
-    filter_ = VelocityAidedFilter(GAINS)
+    filter_ = new_filter()
     found = []
     for i, sample in enumerate(drive.flight.samples):
         if i % PERIOD == 0:

@@ -18,6 +18,7 @@ from integer_flights import (
     drive,
     gentle,
     new_filter,
+    new_float_filter,
     standing,
     tilt_deg,
 )
@@ -44,9 +45,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aided_gains
-from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.units import ACCEL_UNIT_G
 from h2nav.files import gain_files
 from h2nav.maths import quaternion
@@ -86,7 +85,7 @@ def both(
     field: EarthField | None = None,
     skip_s: float = 10.0,
 ) -> Both:
-    floats, integers = VelocityAidedFilter(gains), IntegerVelocityAidedFilter(gains, "test")
+    floats, integers = new_float_filter(gains), new_filter(gains=gains)
     for filter_ in (floats, integers):
         filter_.use_vehicle(vehicle)
         if field is not None:
@@ -173,7 +172,7 @@ def test_the_latency_of_fixes_is_learnt_as_by_the_floats() -> None:
     """Stamps say 100 ms, and it is 180."""
     omega, v_most = 1.5, 2.0
     swing = Disturbance(force=lambda t: (v_most * omega * math.cos(omega * t), 0.0, 0.0))
-    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats, integers = new_float_filter(), new_filter()
     floats.use_vehicle(FLYING)
     for number, sample in enumerate(fly(still, 40.0, 3, disturbance=swing).samples):
         if number % 20 == 3:
@@ -197,7 +196,7 @@ def test_the_bias_of_the_accelerometer_is_learnt_as_by_the_floats() -> None:
     def circling(t: float) -> Vec3:
         return (0.1 * math.cos(1.2 * t), 0.1 * math.cos(0.9 * t + 1.0), 0.5)
 
-    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats, integers = new_float_filter(), new_filter()
     floats.use_vehicle(FLYING)
     for number, sample in enumerate(fly(circling, 60.0, 3).samples):
         x, y, z = sample.f_b
@@ -256,7 +255,7 @@ def test_without_a_field_motion_teaches_no_vertical_bias() -> None:
     """A vehicle that sways without a field: what is known of the vertical becomes no better."""
     flight = fly(gentle, 120.0, 14, bias_b=NO_BIAS, disturbance=Disturbance(force=breeze))
     samples = [s if s.t_us < 20e6 else s._replace(m_b_ut=None) for s in flight.samples]
-    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter()
+    floats, integers = new_float_filter(), new_filter()
     floats.use_vehicle(FLYING)
     memory = integers.kernel_state
     found = []
@@ -288,7 +287,7 @@ def test_the_jitter_of_the_gyro_is_that_of_the_floats(
     """Also where a sample is taken in parts, which hold the rate, with gains of any rate."""
     rng = random.Random(1)
     gains = velocity_aided_gains(gain_files.load(name), name)
-    floats, integers = VelocityAidedFilter(gains), new_filter(gains=gains)
+    floats, integers = new_float_filter(gains), new_filter(gains=gains)
     for sample in fly(gentle, 6.0, 1, rate_hz=rate_hz).samples:
         x, y, z = (rate + rng.gauss(0.0, sigma) for rate in sample.w_b)
         floats.update(sample._replace(w_b=(x, y, z)))
@@ -302,7 +301,7 @@ def test_the_jitter_of_the_gyro_is_that_of_the_floats(
 @pytest.mark.parametrize("sigma", [0.5, 3.0])
 def test_the_jitter_of_the_force_is_that_of_the_floats(rate_hz: float, sigma: float) -> None:
     rng = random.Random(2)
-    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter(gains=MULTIROTOR)
+    floats, integers = new_float_filter(), new_filter(gains=MULTIROTOR)
     for sample in fly(gentle, 6.0, 1, rate_hz=rate_hz).samples:
         x, y, z = (force + rng.gauss(0.0, sigma) for force in sample.f_b)
         floats.update(sample._replace(f_b=(x, y, z)))
@@ -315,7 +314,7 @@ def test_after_missing_samples_tilt_and_velocity_are_doubted_as_by_the_floats() 
     """A fifth of a second is missing while the vehicle turns."""
     samples = fly(brisk, 40.0, 1).samples
     kept = [s for s in samples if not 35.0e6 < s.t_us < 35.2e6]
-    floats, integers = VelocityAidedFilter(MULTIROTOR), new_filter(gains=MULTIROTOR)
+    floats, integers = new_float_filter(), new_filter(gains=MULTIROTOR)
     for number, sample in enumerate(s for s in kept if s.t_us <= 35.2e6):
         if number % 20 == 3:
             fix = VelocityFix(sample.t_us - 100_000, (0.0, 0.0, math.nan), 0.3, independent=True)
