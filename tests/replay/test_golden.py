@@ -4,6 +4,7 @@ The tolerance covers the last bits of sin and atan2 on another machine, nothing 
 """
 
 import csv
+import functools
 
 import pytest
 from needs import REPOSITORY
@@ -22,12 +23,16 @@ FILTERS = {
 }
 
 
+@functools.cache
+def replayed(name):
+    return Replayed(RECORDING, Configuration(filter=FILTERS[name]))
+
+
 @pytest.mark.parametrize("name", FILTERS)
 def test_takeoff_gives_the_golden_attitudes(name, update_golden):
-    replayed = Replayed(RECORDING, Configuration(filter=FILTERS[name]))
     rows = [
         [record.t_us, record.roll_deg, record.pitch_deg, record.yaw_deg, record.trust]
-        for record in replayed.estimates[::EVERY]
+        for record in replayed(name).estimates[::EVERY]
     ]
     path = GOLDEN / f"takeoff_40s.{name}.csv"
     if update_golden:
@@ -51,7 +56,7 @@ def test_takeoff_gives_the_golden_attitudes(name, update_golden):
     [("default", 0.3, 0.8), ("default_fixed", 0.3, 0.8)],
 )
 def test_takeoff_is_near_the_truth(name, tilt_deg, yaw_deg):
-    errors = Replayed(RECORDING, Configuration(filter=FILTERS[name])).errors()
+    errors = replayed(name).errors()
     assert errors.reference == "SIMSTATE"
     assert errors.tilt < tilt_deg
     assert errors.yaw < yaw_deg

@@ -22,6 +22,7 @@ def await_line(line: Path) -> None:
     subprocess.run(command, timeout=60, check=True)
 
 
+@pytest.mark.thorough
 def test_two_autopilots_on_two_lines_are_shown_and_the_user_says_which(tmp_path: Path) -> None:
     with ExitStack() as stack:
         lines = [tmp_path / "left", tmp_path / "right"]
@@ -49,10 +50,7 @@ def await_datagram(port: int) -> None:
         ear.recv(1)
 
 
-@pytest.mark.parametrize("system_id", [1, 2])
-def test_of_two_autopilots_on_one_link_the_system_id_decides(
-    tmp_path: Path, system_id: int
-) -> None:
+def test_of_two_autopilots_on_one_link_the_system_id_decides(tmp_path: Path) -> None:
     url = f"udpin:127.0.0.1:{(port := free_udp_port())}"
     with fake_autopilot(f"udpout:127.0.0.1:{port}", "--fault", "second-autopilot@0"):
         await_datagram(port)
@@ -61,7 +59,10 @@ def test_of_two_autopilots_on_one_link_the_system_id_decides(
         absent = set_up(tmp_path, "--connect", url, "--system-id", "7")
         assert "no autopilot with system id 7 was heard, but 1, 2" in absent.stderr
         assert not (tmp_path / "config.yaml").exists()
-        decided = set_up(tmp_path, "--connect", url, "--system-id", str(system_id))
-    assert decided.returncode == 0, decided.stderr
-    chosen = configuration.read(tmp_path / "config.yaml")
-    assert (chosen.link.url, chosen.autopilot.system_id) == (url, system_id)
+        for system_id in (1, 2):
+            folder = tmp_path / str(system_id)
+            folder.mkdir()
+            decided = set_up(folder, "--connect", url, "--system-id", str(system_id))
+            assert decided.returncode == 0, decided.stderr
+            chosen = configuration.read(folder / "config.yaml")
+            assert (chosen.link.url, chosen.autopilot.system_id) == (url, system_id)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -14,8 +15,26 @@ from h2nav.attitude.record import rows
 from h2nav.attitude.velocity_aided.integer import memory as velocity_aided
 from h2nav.cli import main
 from h2nav.files import gain_files
+from h2nav.translate import firmware
 
 FILES = {"h2nav_filter.c", "h2nav_filter.h", "example.c", "check_vectors.c", "h2nav_vectors.h"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def translations() -> Iterator[dict[object, object]]:
+    """Most of the time goes into a kernel's C, which is the same for all gains: it is made once."""
+    made: dict[object, object] = {}
+    translate = firmware.translate
+
+    def once(kernels, entries, *others):
+        key = (entries, *kernels)
+        if key not in made:
+            made[key] = translate(kernels, entries, *others)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(firmware, "translate", once)
+        yield made
 
 
 def test_json_names_every_file_with_its_size(
@@ -115,8 +134,11 @@ def test_what_a_silent_vehicle_is_follows_from_its_class(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("gains", ["mpu9250_100hz", "rover_400hz"])
-def test_same_gains_same_files(tmp_path: Path, gains: str) -> None:
+def test_same_gains_same_files(
+    tmp_path: Path, gains: str, translations: dict[object, object]
+) -> None:
     for folder in ("a", "b"):
+        translations.clear()
         main(["export", "c", gains, "-o", str(tmp_path / folder)])
     for name in FILES:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
