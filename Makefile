@@ -11,7 +11,7 @@ SOURCES := pyproject.toml setup.py $(wildcard native/*.[ch] h2nav/translate/*.py
 FOR_DEMO := $(VENV)/.installed
 FOR_TESTS := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 
-.PHONY: help demo test check install bench bench-mcu fuzz mutants soak attack image deb arm64 wheels golden clean python
+.PHONY: help demo test test-thorough check install bench bench-mcu fuzz mutants soak attack image deb arm64 wheels golden clean python
 # Without bytecode on disk each of the hundreds of processes that the tests start compiles anew.
 unexport PYTHONDONTWRITEBYTECODE
 # Two targets at once would install into one environment; pytest uses all cores by itself.
@@ -23,8 +23,11 @@ help:  ## this list
 demo: $(FOR_DEMO)  ## fake autopilot + daemon + log + error table; needs nothing but Python
 	@$(BIN)/h2nav demo --log-dir logs
 
-test: $(FOR_TESTS)  ## every test
-	@$(BIN)/pytest -n auto --dist worksteal
+test: $(FOR_TESTS)  ## the tests, but for the long proofs
+	@$(BIN)/pytest -n auto --dist worksteal -m 'not thorough'
+
+test-thorough: $(FOR_TESTS)  ## the long proofs: microcontrollers, recorded flights, browsers, an attacked daemon, ...
+	@$(BIN)/pytest -n auto --dist worksteal -m thorough
 
 check: $(FOR_TESTS)  ## lint, format, types, import rules
 	@$(BIN)/ruff check --quiet .

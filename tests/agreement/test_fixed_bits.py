@@ -10,6 +10,8 @@ from agreement.identity import IDENTITIES, Identity, Run, run
 
 from h2nav.attitude.record import size_of
 
+pytestmark = pytest.mark.thorough
+
 STEPS = 1 << 18  # both halves of the samples: phases of some kinds, and of all
 AVR_STEPS = 16_384  # three rounds and more, and two places; a simulated AVR is slow
 

@@ -19,6 +19,8 @@ from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
 from h2nav.maths.quaternion import conjugate, from_euler, rotate
 
+pytestmark = pytest.mark.thorough
+
 FIELD = EarthField(50.0, math.radians(60.0), 0.0)
 DENSITIES = SensorDensities(1e-3, 2e-5, 0.3, 5.0, 9.80665, FIELD)
 

@@ -17,6 +17,8 @@ from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 from h2nav.translate.c99 import translate
 from h2nav.translate.structs import struct_text
 
+pytestmark = pytest.mark.thorough
+
 HERE = Path(__file__).resolve().parent
 STEPS = int(os.environ.get("H2NAV_RANGE_FUZZ", "150000"))
 

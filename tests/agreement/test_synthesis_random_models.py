@@ -23,6 +23,8 @@ from h2nav.synthesis.plant import (
 from h2nav.synthesis.riccati import solve_riccati
 from h2nav.synthesis.sensors import deployed_gain
 
+pytestmark = pytest.mark.thorough
+
 MODELS = 1000
 DEG = math.pi / 180.0
 RATES_HZ = (50.0, 100.0, 200.0, 400.0)

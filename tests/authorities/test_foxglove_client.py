@@ -14,6 +14,8 @@ from h2nav.log.foxglove_messages import flat_fields, protobuf_schemas
 from h2nav.log.schema import record_format
 from h2nav.service.records import EstimateRecord, HealthRecord, ImuRecord, StatusRecord
 
+pytestmark = pytest.mark.thorough
+
 CLIENT = REPOSITORY / "tests" / "authorities" / "foxglove_client.cjs"
 RECORDS = {
     "/imu": ImuRecord,

@@ -15,6 +15,8 @@ from needs import REPOSITORY, need_package
 from h2nav.log.schema import record_format
 from h2nav.service.records import FINDING_TOPIC, FindingRecord
 
+pytestmark = pytest.mark.thorough
+
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 LAYOUTS = REPOSITORY / "packaging" / "layouts"
 MESSAGE_PATH = re.compile(

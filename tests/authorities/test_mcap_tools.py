@@ -6,6 +6,7 @@ import sys
 from itertools import islice
 from pathlib import Path
 
+import pytest
 from log_limits import limits
 from mcap.reader import make_reader
 from needs import absent, need_package, shared_data
@@ -25,6 +26,8 @@ from h2nav.service.records import (
     RejectionRecord,
     TimeSyncRecord,
 )
+
+pytestmark = pytest.mark.thorough
 
 ARRIVALS = 2_500
 # Remarks, not faults. The library would write offsets of empty groups, an error, so there are none;

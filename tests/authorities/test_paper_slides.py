@@ -14,6 +14,8 @@ from h2nav.cli import main
 from h2nav.evaluation.paper.tables import SLIDES, WITHIN
 from h2nav.evaluation.paper.trials import CASES, Assumptions, errors_deg, make_trials, runners
 
+pytestmark = pytest.mark.thorough
+
 SEEDS = range(3)
 ASSUMPTIONS = Assumptions(run_in_s=10.0)
 TRIALS = {case.key: make_trials(case, ASSUMPTIONS, SEEDS) for case in CASES[:2]}

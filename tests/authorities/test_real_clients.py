@@ -24,6 +24,8 @@ from h2nav.recordings.recording import open_recording
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.dialect import LAYOUTS
 
+pytestmark = pytest.mark.thorough
+
 PATIENCE_S = 60.0
 OUR_COMPONENT = 191
 PASSPHRASE = "correct-horse-battery-staple"

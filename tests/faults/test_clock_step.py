@@ -6,6 +6,8 @@ import sys
 import pytest
 from fault_flights import FaultFlight, fault_flight
 
+pytestmark = pytest.mark.thorough
+
 STEP_S = 3600
 # The UNIX clock of the process alone, moved by what stands in a file. (libfaketime cannot do it:
 # where it leaves the monotonic clock alone, sleeping fails.)

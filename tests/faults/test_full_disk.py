@@ -2,9 +2,12 @@
 
 import resource
 
+import pytest
 from fault_flights import fault_flight
 
 from h2nav.recordings.recording import open_recording
+
+pytestmark = pytest.mark.thorough
 
 MAX_BYTES = 400_000
 

@@ -7,6 +7,8 @@ from fault_flights import fault_flight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from udp_vehicle import Reading, at_rest, command, global_position, heartbeat
 
+pytestmark = pytest.mark.thorough
+
 ATTITUDE = float(mavlink.MAVLINK_MSG_ID_ATTITUDE)
 MAX_LINES = 20
 TIME_IN_NS = 1_770_000_000_000_000_000

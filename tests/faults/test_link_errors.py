@@ -2,7 +2,10 @@
 
 import socket
 
+import pytest
 from daemon_process import daemon
+
+pytestmark = pytest.mark.thorough
 
 
 def wait_for_cause(running, *words):

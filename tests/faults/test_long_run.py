@@ -7,7 +7,10 @@ import json
 import subprocess
 import sys
 
+import pytest
 from needs import REPOSITORY
+
+pytestmark = pytest.mark.thorough
 
 HOURS = 0.25  # at 20 Hz more samples than the blocks that may remain: one a sample would show
 SOAK = [sys.executable, str(REPOSITORY / "tools" / "soak.py"), "--rate-hz", "20", "--json"]

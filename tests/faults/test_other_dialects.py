@@ -8,6 +8,8 @@ from wire_frames import with_checksum
 
 from h2nav.recordings.recording import open_recording
 
+pytestmark = pytest.mark.thorough
+
 UNKNOWN_ID = 54_321
 CRC_EXTRA = 77
 

@@ -17,6 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from udp_vehicle import UdpVehicle
 from wire_frames import FrameMaker
 
+pytestmark = pytest.mark.thorough
+
 PIPE_BYTES = 4096
 # A pseudo-terminal keeps some 70 kB, 8 s of what is sent.
 UNREAD_SAMPLES = 1600

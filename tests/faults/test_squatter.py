@@ -6,6 +6,8 @@ from collections.abc import Iterator
 import pytest
 from fault_flights import FaultFlight, fault_flight
 
+pytestmark = pytest.mark.thorough
+
 SILENCE_S = 2.0  # after 1.5 s another peer may take the place
 
 

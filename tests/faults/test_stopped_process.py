@@ -4,7 +4,10 @@ import itertools
 import signal
 import time
 
+import pytest
 from fault_flights import FaultFlight, fault_flight
+
+pytestmark = pytest.mark.thorough
 
 STOPPED_S = 4.0
 # Late estimates are held back from 0.15 s on; the rest is what a busy machine may add.

@@ -7,6 +7,8 @@ import pytest
 from daemon_process import WAIT_S
 from fault_flights import fault_flight
 
+pytestmark = pytest.mark.thorough
+
 PERIOD_S = 0.9
 
 

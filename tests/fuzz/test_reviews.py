@@ -4,6 +4,8 @@ import pytest
 
 from fuzz.review_target import case, reviewed, seeds
 
+pytestmark = pytest.mark.thorough
+
 CASES = 5
 NAMES = ("new.bin", "old.bin", "old.log", "new.ulg", "old.ulg", "one.tlog")
 

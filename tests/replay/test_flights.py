@@ -10,6 +10,8 @@ from h2nav.apps.configuration import Configuration, FilterSettings
 from h2nav.integrity.findings import Kind, Severity
 from h2nav.service.settings import AidingSettings
 
+pytestmark = pytest.mark.thorough
+
 NO_GPS = AidingSettings(gps_velocity=False)
 
 

@@ -12,6 +12,8 @@ from h2nav.apps.configuration import Configuration
 from h2nav.maths.attitude_errors import errors, root_mean_square
 from h2nav.maths.rows import from_euler
 
+pytestmark = pytest.mark.thorough
+
 
 def total_deg(replayed: Replayed, truth: Path) -> float:
     """Rms angle of the whole error of the estimates that have a truth within a sample of it."""

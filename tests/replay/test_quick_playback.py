@@ -25,6 +25,8 @@ from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.recording import open_recording
 from h2nav.wire.deframer import Frame
 
+pytestmark = pytest.mark.thorough
+
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 ATTITUDE = 30
 UNIX_S = 1_795_000_000.0  # of recordings without a date it is today

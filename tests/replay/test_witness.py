@@ -1,5 +1,6 @@
 """The witness on recorded flights of real autopilots, against the simulator's truth."""
 
+import pytest
 from needs import shared_data
 from replayed import Replayed
 
@@ -7,6 +8,8 @@ from h2nav.apps.configuration import Configuration
 from h2nav.integrity.findings import Findings
 from h2nav.integrity.velocity_witness import VelocityVerdict
 from h2nav.integrity.witness import AttitudeSource
+
+pytestmark = pytest.mark.thorough
 
 
 class Watched(Replayed):

@@ -13,7 +13,7 @@ SEEDS = 40
 # Of a gyro without new values the filter makes no estimates.
 GYRO = ("gyro-frozen", "gyro-zero", "imu-frozen")
 
-pytestmark = pytest.mark.timeout(1200)
+pytestmark = [pytest.mark.thorough, pytest.mark.timeout(1200)]
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,9 @@ def joined(flown: str, kind: int, join_s: float, seed: int, imus: int = 1) -> Si
     return flight.run(join_s + 45.0)
 
 
-@pytest.mark.parametrize(("join_s", "seed"), [(17.6, 11), (19.5, 21)])
+@pytest.mark.parametrize(
+    ("join_s", "seed"), [(17.6, 11), pytest.param(19.5, 21, marks=pytest.mark.thorough)]
+)
 def test_what_was_aligned_and_learnt_badly_in_the_air_is_no_sensors_fault(
     join_s: float, seed: int
 ) -> None:

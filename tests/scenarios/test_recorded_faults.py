@@ -19,6 +19,8 @@ from h2nav.service.settings import AidingSettings
 from h2nav.wire import codec
 from h2nav.wire.deframer import Deframer
 
+pytestmark = pytest.mark.thorough
+
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 KEPT = frozenset(
     {

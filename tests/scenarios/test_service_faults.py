@@ -14,7 +14,8 @@ from simulated_flight import SIMULATED, SimulatedFlight
 from h2nav.apps.configuration import FilterSettings
 from h2nav.sim.personalities import PX4
 
-FILTERS = ("float", "fixed")  # arithmetics of the default one
+# Arithmetics of the default one; what differs between them is below the service.
+FILTERS = ("float", pytest.param("fixed", marks=pytest.mark.thorough))
 
 
 def configured(**sections):

@@ -96,7 +96,11 @@ def test_what_px4_sends_is_not_slowed_down():
     assert stream_notices(flight) == []
 
 
-@pytest.mark.parametrize("personality", [ARDUPLANE, PX4], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "personality",
+    [ARDUPLANE, pytest.param(PX4, marks=pytest.mark.thorough)],
+    ids=lambda p: p.name,
+)
 def test_a_changed_battery(personality):
     """3: 100 s without power: nothing asked, nothing complained of, attitude within 2 s."""
     flight = SimulatedFlight("rest", faults=BATTERY_SWAP, personality=personality).run(125.0)

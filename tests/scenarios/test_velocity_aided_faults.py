@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from needs import DEG, shared_data
 
+from h2nav.attitude.kernel_files import VELOCITY_AIDED
+from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import ImuSample, Trust, VehicleState
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
@@ -29,7 +31,8 @@ def fly(
 ) -> tuple[AttitudeErrors, np.ndarray, list[Trust], VelocityAidedFilter]:
     """Errors and mask of the samples that got an estimate, and what was trusted."""
     filter_ = VelocityAidedFilter(
-        velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz")
+        velocity_aided_gains(gain_files.load("multirotor_100hz"), "multirotor_100hz"),
+        compiled_step(VELOCITY_AIDED),
     )
     filter_.use_vehicle(VehicleState(on_ground=False))
     rows, places, trust = [], [], []

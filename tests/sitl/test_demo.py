@@ -72,6 +72,7 @@ def test_wrong_use_is_2(words):
     assert words[0] in done.stderr.splitlines()[-1]
 
 
+@pytest.mark.thorough
 def test_a_fake_autopilot_that_dies_ends_it(tmp_path):
     """With the reason, long before the flight's end."""
     seed = unlikely_seed(0)
@@ -90,6 +91,7 @@ def test_a_fake_autopilot_that_dies_ends_it(tmp_path):
         assert "fake autopilot ended with status -9" in process.stderr.read()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_it_and_its_autopilot(tmp_path, number):
     seed = unlikely_seed(number)

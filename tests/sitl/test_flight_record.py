@@ -13,6 +13,8 @@ from needs import need_package
 
 from h2nav.flights.folder import FlightFolder
 
+pytestmark = pytest.mark.thorough
+
 SECONDS = 250.0
 
 

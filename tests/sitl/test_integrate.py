@@ -115,6 +115,7 @@ def test_programs_read_what_was_found(tmp_path):
     assert (first["phase"], first["id"]) == ("update", begun["id"])
 
 
+@pytest.mark.thorough
 def test_mavsdk_receives_a_finding(tmp_path):
     need_package("mavsdk_grpc")
     ground = free_port()

@@ -61,6 +61,7 @@ def order(autopilot, line):
     autopilot.stdin.flush()
 
 
+@pytest.mark.thorough
 def test_it_follows_the_vehicle_and_says_what_goes_wrong(browser, flying):
     running, autopilot, url = flying
     browser.get_log("browser")  # what was before

@@ -153,6 +153,7 @@ def test_the_viewer_is_a_process_that_steps_back_and_ends_with_its_daemon(flying
     assert not is_running(viewer)
 
 
+@pytest.mark.thorough
 def test_a_viewer_that_is_killed_comes_back_and_the_estimate_goes_on(flying):
     running, _ = flying
     (viewer,) = children(running.process.pid)
@@ -173,6 +174,7 @@ def test_a_killed_daemon_takes_its_viewer_along(flying):
     wait_until_gone(viewer)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("taken", ["page", "foxglove"])
 def test_a_port_that_is_taken_costs_the_view_and_no_attitude(tmp_path, taken):
     port = free_udp_port()

@@ -14,6 +14,8 @@ from h2nav.recordings.recording import open_recording
 from h2nav.service.lateness import LATE_NS
 from h2nav.sim.scenarios import scenario
 
+pytestmark = pytest.mark.thorough
+
 BIAS_DEG_S = (1.5, -1.0, 0.8)
 
 

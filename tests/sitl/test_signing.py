@@ -62,6 +62,7 @@ def test_a_signed_flight_is_estimated_answered_and_replayed(tmp_path, port, key_
     assert result["estimates_equal"] == result["estimates_compared"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("other", ["no key", "another key"])
 def test_an_autopilot_without_our_key_is_not_used_and_the_cause_is_told(
     tmp_path, port, key_file, other
@@ -108,6 +109,7 @@ def test_pymavlink_believes_all_that_we_send_also_after_a_restart_with_the_clock
     assert int((tmp_path / "stamp").read_text()) == peer.mav.signing.timestamp
 
 
+@pytest.mark.thorough
 def test_an_autopilot_whose_clock_is_behind_is_used_once_it_has_heard_us(tmp_path, port, key_file):
     """As PX4 is at each start, and ArduPilot until its GPS has the time."""
     (tmp_path / "stamp").write_text(f"{FAR_AHEAD}\n")
@@ -120,6 +122,7 @@ def test_an_autopilot_whose_clock_is_behind_is_used_once_it_has_heard_us(tmp_pat
     assert last(the_log(tmp_path / "logs"), "/signing")["old_stamp"] > 0
 
 
+@pytest.mark.thorough
 def test_without_a_place_for_the_stamp_the_daemon_signs_on_and_says_so(tmp_path, port, key_file):
     written = written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")
     (tmp_path / "stamp.new").mkdir()

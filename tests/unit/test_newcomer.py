@@ -19,6 +19,15 @@ def test_the_two_commands_stand_under_the_first_picture() -> None:
     assert below[1].splitlines() == ["make demo", "make test"]
 
 
+def test_the_two_lanes_are_all_of_the_tests_and_ci_runs_both() -> None:
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    lanes = re.findall(r"/pytest .*-m (.+)$", makefile, re.MULTILINE)
+    assert lanes == ["'not thorough'", "thorough"]
+    ci = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
+    (whole,) = re.findall(r"^\.venv/bin/pytest.*$", ci, re.MULTILINE)
+    assert " -m " not in whole
+
+
 def only(folder: Path, *programs: str) -> dict[str, str]:
     """An environment in which no other program is found."""
     for name in programs:

@@ -20,6 +20,8 @@ from packaging.utils import canonicalize_name
 
 from h2nav import __version__
 
+pytestmark = pytest.mark.thorough
+
 IGNORED = shutil.ignore_patterns(
     ".git", ".venv", ".*_cache", ".hypothesis", "build", "logs", "*.egg-info", "__pycache__",
     "*.so", "*.mcap*",

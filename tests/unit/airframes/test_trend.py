@@ -112,6 +112,7 @@ def test_half_wrong_values_do_not_move_the_deviation_far():
     assert deviation_of(values) < 4.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("tails", "least", "most_share"), [("normal", 100_000, 1e-3), ("student of 5", 20_000, 6e-3)]
 )
@@ -148,6 +149,7 @@ def found_by(slope, flight, rng):
     return any(one.value > one.usual for each in known for one in each)
 
 
+@pytest.mark.thorough
 def test_when_drifts_are_found():
     """One deviation in ten flights cannot be known by the 12th: the best test there finds 3 %."""
     rng = np.random.default_rng(21)

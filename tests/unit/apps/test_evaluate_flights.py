@@ -170,6 +170,7 @@ def test_a_phase_of_another_form_is_bad_input(capsys):
     assert "expected NAME=FROM-TO, found climb" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_a_flight_with_a_reboot_and_truth_beside_it(capsys):
     """PX4, booted again in flight: 45 deg of tilt; EKF2 stands beside the truth."""
     path = shared_data("flights/px4_agile_reboot.tlog")

@@ -134,8 +134,10 @@ class Bench:
         return [path.read_bytes() for path in sorted(self.folder.glob("*.[bu][il][ng]"))]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("personality", "has_files"), [(ARDUPILOT, True), (ARDUPILOT, False), (PX4, True)]
+    ("personality", "has_files"),
+    [(ARDUPILOT, True), (ARDUPILOT, False), (PX4, True)],
 )
 def test_cut_and_armed_again_the_fetch_goes_on_and_costs_no_attitude(
     tmp_path, personality, has_files
@@ -194,6 +196,7 @@ def _assert_recorded_in_full(bench):
         assert gaps_s[-2] < 1.6 * period_s
 
 
+@pytest.mark.thorough
 def test_a_cut_of_twenty_seconds_and_a_restart_of_the_daemon_cost_nothing(tmp_path):
     bench = Bench(tmp_path, faults=("drop=1@45+20",), logs=(FIRST,))
     bench.flight.run(50.0)

@@ -82,6 +82,7 @@ def test_a_hostile_file_ends_as_an_error_line(tmp_path, content):
     assert reviewed(tmp_path).did_nothing
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("memory_mb", [52, 64, 80, 110])
 def test_too_little_memory_leaves_an_error(flight, memory_mb):
     """A library may end the process, which leaves the last words of it; three ends are one."""
@@ -159,6 +160,7 @@ def test_stopped_it_leaves_no_attempt(flight):
     assert not list((flight / "reviews").glob("*.started"))
 
 
+@pytest.mark.thorough
 def test_killed_at_any_moment_it_shows_no_half_review(flight):
     dice = random.Random(7)
     folder = FlightFolder(flight)

@@ -449,7 +449,9 @@ def damaged(flight: Flight, rng: random.Random) -> Given:
     return given(samples, tuple(told))
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(
+    "seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(4, 12))]
+)
 def test_no_piece_of_a_damaged_recording_ends_in_an_error_out_of_arithmetic(seed: int) -> None:
     rng = random.Random(seed)
     flight = fly(rng.choice([slow, brisk]), 25.0, seed)

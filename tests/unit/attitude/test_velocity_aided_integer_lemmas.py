@@ -33,6 +33,8 @@ from h2nav.attitude.velocity_aided.integer.memory import (
 )
 from h2nav.files import gain_files
 
+pytestmark = pytest.mark.thorough
+
 MODULES = (
     triad, motion, functions, theta, aiding, tilt, velocity, heading, frame, place, start, step
 )  # fmt: skip

@@ -13,6 +13,8 @@ from h2nav.recordings.opening import open_flight
 from h2nav.wire.imu import UT_PER_MGAUSS
 from tests.needs import shared_data
 
+pytestmark = pytest.mark.thorough
+
 # What every ArduPilot simulator's parameters say unless they are told otherwise.
 DEFAULTS = {
     "COMPASS_OFS_X": 5.0,

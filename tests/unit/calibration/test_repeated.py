@@ -7,7 +7,9 @@ from h2nav.maths.units import MG_PER_UT
 from tests.unit.calibration.repeated_flights import twice, written_again
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(
+    "seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(4, 12))]
+)
 def test_calibrated_and_flown_again_nothing_is_written(seed):
     vehicle, first, second = twice(seed)
     assert first.changes

@@ -92,6 +92,9 @@ def wrongs() -> list[Miscalibration]:
     return five[:2] + five[4:]
 
 
+FIRST, *OTHERS = wrongs()
+
+
 def expected(wrong: Miscalibration, seed: int) -> dict[str, float]:
     """The parameters that undo it."""
     vehicle = FakeAutopilot(AutopilotOptions(scenario("flight"), seed=seed)).vehicle
@@ -105,7 +108,9 @@ def expected(wrong: Miscalibration, seed: int) -> dict[str, float]:
     return values
 
 
-@pytest.mark.parametrize("wrong", wrongs())
+@pytest.mark.parametrize(
+    "wrong", [FIRST, *(pytest.param(wrong, marks=pytest.mark.thorough) for wrong in OTHERS)]
+)
 def test_loaded_and_flown_again_the_attitude_is_right(wrong, tmp_path):
     options = AutopilotOptions(scenario("flight"), seed=3, wrong=wrong)
     before = flown(tmp_path / "before.tlog", options)
@@ -133,6 +138,7 @@ def sound(tmp_path_factory):
     return flown(tmp_path_factory.mktemp("sound") / "sound.tlog", options)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("motct", [1.0, 2.0])
 def test_motors_that_disturb_the_compass_are_compensated(motct, sound, tmp_path):
     wrong = Miscalibration((100.0, -60.0, 40.0), motor_field_mg=(-260.0, 180.0, 120.0))
@@ -154,6 +160,7 @@ def test_motors_that_disturb_the_compass_are_compensated(motct, sound, tmp_path)
     assert math.sqrt(before.heading_error_deg**2 - own) > 10.0 * max(left, 0.1)
 
 
+@pytest.mark.thorough
 def test_two_flights_of_a_vehicle_show_more_than_one(tmp_path):
     wrong = Miscalibration(accelerometer_offset_m_s2=(0.4, -0.35, 0.0))
     options = AutopilotOptions(scenario("flight"), seed=5, wrong=wrong)

@@ -4,6 +4,8 @@ import pytest
 
 from h2nav import cli
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):

@@ -8,6 +8,8 @@ from h2nav.errors import BadInput
 from h2nav.evaluation.paper.pictures import draw_cases
 from h2nav.evaluation.paper.trials import Assumptions
 
+pytestmark = pytest.mark.thorough
+
 PICTURES = {
     "case_1_motion.png",
     "case_1_errors.png",

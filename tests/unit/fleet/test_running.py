@@ -12,6 +12,7 @@ from distributed import Client
 from pyarrow import parquet
 
 from h2nav.errors import BadInput
+from h2nav.fleet import running
 from h2nav.fleet.running import TaskOutcome, Work, cluster, run_fleet
 from h2nav.fleet.sources import find
 from h2nav.fleet.store import Store
@@ -132,6 +133,7 @@ def test_a_killed_run_goes_on_where_it_was(client: Client, fleet: Fleet) -> None
     assert set(fleet.done().values()) == {1}
 
 
+@pytest.mark.thorough
 def test_the_tables_do_not_depend_on_the_workers(client: Client, tmp_path: Path) -> None:
     words = {f"flight_{number:02}": "good" + "!" * (number % 5) for number in range(15)}
     fleets = []
@@ -153,6 +155,7 @@ def test_the_tables_do_not_depend_on_the_workers(client: Client, tmp_path: Path)
         )
 
 
+@pytest.mark.thorough
 def test_what_hangs_is_given_up(client: Client, fleet: Fleet) -> None:
     fleet.add(a="good", b="hang")
     limits = Limits(time_s=5.0, memory_mib=700)
@@ -161,6 +164,7 @@ def test_what_hangs_is_given_up(client: Client, fleet: Fleet) -> None:
     assert fleet.run(client, limits).done_before == 2
 
 
+@pytest.mark.thorough
 def test_what_eats_or_kills_is_a_row_with_its_reason(client: Client, fleet: Fleet) -> None:
     fleet.add(a="good", b="die", c="eat", d="good")
     outcome = fleet.run(client)
@@ -205,7 +209,8 @@ def test_a_recording_that_is_gone_is_tried_again(client: Client, fleet: Fleet) -
     assert fleet.done() == {"a": 1, "b": 1}
 
 
-def test_nobody_at_the_scheduler_is_one_line() -> None:
+def test_nobody_at_the_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "_CONNECT_S", 1.0)
     with (
         pytest.raises(BadInput, match=r"tcp://127\.0\.0\.1:1: "),
         cluster("tcp://127.0.0.1:1", 1, 600),

@@ -7,6 +7,8 @@ from live_records import served
 
 from h2nav.live.flights_site import SiteRights
 
+pytestmark = pytest.mark.thorough
+
 COUNT = 500
 TOKEN = "0123456789abcdefTOKEN"
 WIDTHS = {"desk": 1280, "phone": 390}

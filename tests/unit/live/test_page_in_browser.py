@@ -21,6 +21,8 @@ from h2nav.attitude.samples import Trust
 from h2nav.integrity.findings import Severity
 from h2nav.live.state import LiveState
 
+pytestmark = pytest.mark.thorough
+
 BALL = "return document.querySelector('#%s .ball').getAttribute('transform')"
 PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
 UNITS_PER_DEG = 2.2

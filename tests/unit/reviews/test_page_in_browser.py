@@ -10,6 +10,8 @@ from needs import need_package
 from h2nav.integrity.findings import Severity
 from h2nav.recordings.context import Said, Span
 
+pytestmark = pytest.mark.thorough
+
 SHOWN = "return [window.review.shown.from, window.review.shown.to]"
 AXES = "return window.review.timed.map((plot) => [plot.scales.x.min, plot.scales.x.max])"
 
