@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -61,30 +62,38 @@ def until(process, *texts):
 
 
 @contextmanager
-def flight(folder, ground):
-    """The daemon and a vehicle whose gyro freezes; the ground station hears both."""
+def listening(folder):
+    """The daemon, and the port and the socket that it serves."""
     companion, events = free_port(), folder / "events"
     configuration = folder / "h2nav.yaml"
     configuration.write_text(
         f"link: {{url: 'udpin:127.0.0.1:{companion}'}}\nevents: {{socket: '{events}'}}\n"
     )
-    ports = (companion, ground)
-    links = [word for port in ports for word in ("--connect", f"udpout:127.0.0.1:{port}")]
-    with ExitStack() as stack:
-        run = ("-m", "h2nav", "run", "-c", configuration, "--json")
-        daemon = stack.enter_context(
-            running(*run, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        )
+    run = ("-m", "h2nav", "run", "-c", configuration, "--json")
+    with running(*run, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as daemon:
         until(daemon, '"event": "notice"')
-        fly = ("-m", "h2nav", "fake-autopilot", *links, "--scenario", "flight", *FAULT)
-        stack.enter_context(running(*fly, stdout=subprocess.DEVNULL))
-        yield daemon, events
+        yield daemon, companion, events
+
+
+def flight(*ports):
+    """A vehicle whose gyro freezes, heard at each of the ports."""
+    links = [word for port in ports for word in ("--connect", f"udpout:127.0.0.1:{port}")]
+    fly = ("-m", "h2nav", "fake-autopilot", *links, "--scenario", "flight", *FAULT)
+    return running(*fly, stdout=subprocess.DEVNULL)
+
+
+def wait_until_bound(port):
+    """Until some process listens at a UDP port."""
+    end = time.monotonic() + PATIENCE_S
+    while f":{port:04X} " not in Path("/proc/net/udp").read_text():
+        assert time.monotonic() < end, port
+        time.sleep(0.1)
 
 
 def test_programs_read_what_was_found(tmp_path):
     ground = free_port()
     with ExitStack() as stack:
-        daemon, events = stack.enter_context(flight(tmp_path, ground))
+        daemon, companion, events = stack.enter_context(listening(tmp_path))
         reader = stack.enter_context(
             running(example("events.py", tmp_path), events, stdout=subprocess.PIPE)
         )
@@ -95,6 +104,8 @@ def test_programs_read_what_was_found(tmp_path):
                 stdout=subprocess.PIPE,
             )
         )
+        wait_until_bound(ground)
+        stack.enter_context(flight(companion, ground))
         said = until(reader, "begin error gyro_frozen.imu1.1 gyro is frozen\n")
         assert "update" not in said
         until(station, "attitude trusted", "h2nav: degraded: ", "attitude not trusted")
@@ -119,10 +130,15 @@ def test_programs_read_what_was_found(tmp_path):
 def test_mavsdk_receives_a_finding(tmp_path):
     need_package("mavsdk_grpc")
     ground = free_port()
-    with flight(tmp_path, ground):
+    with ExitStack() as stack:
+        _, companion, _ = stack.enter_context(listening(tmp_path))
         script = example("mavsdk_texts.py", tmp_path)
-        with running(script, f"udpin://127.0.0.1:{ground}", stdout=subprocess.PIPE) as client:
-            until(client, "h2nav: degraded: IMU 1: gyro is frozen")
+        client = stack.enter_context(
+            running(script, f"udpin://127.0.0.1:{ground}", stdout=subprocess.PIPE)
+        )
+        wait_until_bound(ground)
+        stack.enter_context(flight(companion, ground))
+        until(client, "h2nav: degraded: IMU 1: gyro is frozen")
 
 
 def test_a_bag_is_read_without_ros(tmp_path):
