@@ -177,3 +177,13 @@ def test_at_a_terminal_it_asks_about_flights(
     flights = configuration.read(path).flights
     assert (flights.review, flights.fetch_log) == (reviews, fetches)
     assert any(each.startswith("review every flight") for each in asked)
+
+
+def test_the_help_says_what_is_sent_and_when_nothing_is_written(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["setup", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Only version requests to detected autopilots are sent" in said
+    assert "Without a terminal and without --yes nothing is written" in said

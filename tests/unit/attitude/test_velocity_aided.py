@@ -139,7 +139,9 @@ def test_a_bias_that_is_unknown_is_learnt_at_rest_by_an_armed_vehicle_too() -> N
     assert bias_error_deg_s(last, GENTLE_BIAS) < 0.02
 
 
-@pytest.mark.parametrize("rate_hz", [25.0, 50.0, 200.0, 1000.0])
+@pytest.mark.parametrize(
+    "rate_hz", [25.0, 50.0, 200.0, pytest.param(1000.0, marks=pytest.mark.thorough)]
+)
 def test_any_sample_rate_serves(rate_hz: float) -> None:
     flight = fly(slow, 40.0, 5, rate_hz=rate_hz, bias_b=(0.002, -0.001, 0.003))
     assert rms_deg(errors_deg(flight, new_filter(), after_s=20.0)) < 0.5

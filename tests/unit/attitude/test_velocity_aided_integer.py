@@ -137,7 +137,9 @@ def test_under_acceleration_the_integers_are_as_good(law: RateLaw) -> None:
     assert integers < 1.1 * floats
 
 
-@pytest.mark.parametrize("rate_hz", [25.0, 50.0, 286.0, 1000.0])
+@pytest.mark.parametrize(
+    "rate_hz", [25.0, 50.0, 286.0, pytest.param(1000.0, marks=pytest.mark.thorough)]
+)
 def test_any_sample_rate_serves(rate_hz: float) -> None:
     found = both(fly(slow, 40.0, 5, rate_hz=rate_hz, bias_b=(0.002, -0.001, 0.003)), skip_s=25.0)
     floats, integers = found.errors_deg()

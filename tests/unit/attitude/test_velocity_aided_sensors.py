@@ -287,3 +287,19 @@ def test_a_heading_felt_with_a_gyro_that_is_doubted_now_counts_no_more() -> None
     filter_.doubt(SensorDoubt(rate_b=(0.0, 1.0 * DEG, 0.0)))
     follow(filter_, part(drive, 3100, 3121))
     assert filter_.kernel_state.heading_witnessed == 0.0
+
+
+@pytest.mark.parametrize("make", [new_filter, new_integer_filter])
+def test_what_was_clipped_before_a_restart_counts_no_more(make) -> None:
+    """The gyro stands at 3 rad/s when the restart comes: 1.2 rad of which nothing else is known."""
+    before, after = (fly(still, 6.0, seed, bias_b=(0.0, 0.0, 0.0)).samples for seed in (8, 9))
+    sigmas = []
+    for first_clipped in (560, len(before)):
+        filter_ = make()
+        for number, sample in enumerate(before):
+            is_bad = number >= first_clipped
+            filter_.update(sample._replace(w_b=(3.0, 0.0, 0.0), clipped=True) if is_bad else sample)
+        filter_.restart()
+        found = [filter_.update(each._replace(t_us=each.t_us + 10_000_000)) for each in after]
+        sigmas.append([each.sigma_tilt_rad for each in found if each is not None][:10])
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.01)

@@ -173,3 +173,13 @@ def test_derivatives():
 def test_the_range_of_speeds():
     fit = fitted_drag(rows_of(flown(), 0), is_whole_speed=False)
     assert min(excited(fit)) > 8.0
+
+
+def test_the_first_values_come_with_a_warning_and_later_ones_do_not():
+    """What is 0 was not used before; what was set already was."""
+    (note,) = calibrate_drag([flown(UNSET)]).notes
+    assert "fly carefully" in note
+    wrong = {"EK3_DRAG_BCOEF_X": 90.0, "EK3_DRAG_BCOEF_Y": 70.0, "EK3_DRAG_MCOEF": 0.6}
+    again = calibrate_drag([flown(wrong)])
+    assert again.changes
+    assert again.notes == ()

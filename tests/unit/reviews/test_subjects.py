@@ -13,7 +13,7 @@ from h2nav.integrity.kinds import MEANINGS, FlightKind
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.declared import FlightEvidence
-from h2nav.reviews.subjects import KINDS, SECTIONS, SUBJECTS
+from h2nav.reviews.subjects import KINDS, SECTIONS, SUBJECTS, needs
 
 
 def test_every_kind_is_declared_once():
@@ -97,3 +97,15 @@ def test_a_recording_without_anything_names_what_could_not_be_looked_at():
     blind = analyse(empty._replace(context=empty.context._replace(imus=(), motors=None)))
     assert dict(blind.blind)["motors"]
     assert "motors" not in blind.looked_at
+
+
+def test_what_a_compass_lacks_to_be_judged_is_said():
+    flown = flight()
+    assert needs.compass(FlightEvidence(flown)) == ""
+    blind = flown._replace(context=flown.context._replace(imus=()))
+    assert needs.compass(FlightEvidence(blind)) == "no compass"
+    lost = flown._replace(estimates=None, smoothed=None)
+    lost = lost._replace(context=lost.context._replace(attitudes=()))
+    assert needs.compass(FlightEvidence(lost)) == "no attitude to judge them by"
+    placeless = flown._replace(earth=flown.earth._replace(t_s=flown.earth.t_s[:0]))
+    assert needs.compass(FlightEvidence(placeless)).startswith("no place")
