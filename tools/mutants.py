@@ -1,7 +1,8 @@
 """Puts small faults into h2nav, one at a time, and shows those that no test notices.
 
 ``make mutants ROOMS=service,wire N=300 SEED=1``. Lines of the rooms are drawn at random, and one
-mutant of each. It faces the tests that run its line, in a copy of the repository; golden files and
+mutant of each. It faces the tests that run its line, in a copy of the repository: first those of
+its room that import the module, then (without ``--near``) all of its room. Golden files and
 processes are no judges here: what only they notice is not stated by any test. Verdicts are kept in
 ``.mutants/`` and reused until the module (for a survivor: the tests) changes, so a run that was
 broken off goes on. Survivors that were found to be equivalent stand in
@@ -19,13 +20,14 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from itertools import chain
 from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
 
 import yaml
-from mutation.line_map import LineMap, record
+from mutation.line_map import LineMap, nearest, record, test_files
 from mutation.operators import Mutant, code_lines, mutants
 from mutation.trial import Verdict, Workplace, change, diff
 from tqdm import tqdm
@@ -35,6 +37,7 @@ KEPT = REPOSITORY / ".mutants"
 EQUIVALENT = REPOSITORY / "tools" / "mutation" / "equivalent.yaml"
 BUDGET_S = 30.0  # of the processor, for the tests that a mutant faces
 KILLED = ("killed", "timeout")
+NEAR, ROOM = "near", "room"  # which tests a mutant faces
 
 
 class Room(NamedTuple):
@@ -49,64 +52,64 @@ class Room(NamedTuple):
     suites: tuple[str, ...]
 
 
-# Those with the most to say of the service for their time; the others fly for minutes.
-SCENARIOS = ("before_arming", "comparison", "hostile_messages")
+# Beside `tests/unit/<room>`, with the most to say of it for their time; the others fly for minutes.
+FURTHER = {
+    "service": (
+        "tests/wire",
+        "tests/scenarios/test_before_arming.py",
+        "tests/scenarios/test_comparison.py",
+        "tests/scenarios/test_hostile_messages.py",
+    ),
+    "wire": ("tests/wire", "tests/unit/service"),
+    "links": ("tests/wire", "tests/unit/apps"),
+    "log": ("tests/unit/apps",),
+    "recordings": (
+        "tests/unit/apps/test_recorded_trials.py",
+        "tests/unit/apps/test_recording_notices.py",
+        "tests/unit/apps/test_review.py",
+    ),
+    "reviews": ("tests/unit/test_schemas.py",),
+    "motion": (
+        "tests/unit/service",
+        "tests/unit/evaluation/test_observer.py",
+        "tests/unit/calibration/test_odometry.py",
+        "tests/scenarios/test_motion_twist.py",
+        "tests/scenarios/test_motion_wheels.py",
+        "tests/agreement/test_odometry_paths.py",
+        "tests/agreement/test_odometry_solvers.py",
+    ),
+    "integrity": ("tests/unit/service/test_judgement.py",),
+    "apps": ("tests/unit/test_cli.py", "tests/unit/evaluation/test_observer.py"),
+    "attitude": ("tests/contract",),
+    "flights": ("tests/unit/live",),
+    "host": ("tests/unit/apps",),
+    "maths": ("tests/laws",),
+    "sim": ("tests/scenarios/test_streams.py",),
+    "synthesis": ("tests/agreement/test_synthesis_shipped.py",),
+    "translate": ("tests/unit/attitude",),
+}
+# Their lines run in Python alone where the compiled ones are forbidden.
+KERNELS = Room(
+    ("h2nav/attitude/**/kernel/*.py", "h2nav/attitude/integer/*.py"),
+    (
+        "tests/unit/attitude",
+        "tests/contract",
+        "tests/scenarios/test_velocity_aided_faults.py",
+        "tests/scenarios/test_velocity_aided_trials.py",
+        "tests/scenarios/test_lost_attitude.py",
+        "tests/agreement/test_fixed_float.py",
+    ),
+)
 ROOMS = {
-    "service": Room(
-        ("h2nav/service/**/*.py",),
-        (
-            "tests/unit/service",
-            "tests/wire",
-            *(f"tests/scenarios/test_{name}.py" for name in SCENARIOS),
-        ),
-    ),
-    "wire": Room(("h2nav/wire/**/*.py",), ("tests/unit/wire", "tests/wire", "tests/unit/service")),
-    "links": Room(("h2nav/links/**/*.py",), ("tests/unit/links", "tests/wire", "tests/unit/apps")),
-    "log": Room(("h2nav/log/**/*.py",), ("tests/unit/log", "tests/unit/apps")),
-    "recordings": Room(
-        ("h2nav/recordings/**/*.py",),
-        (
-            "tests/unit/recordings",
-            "tests/unit/apps/test_recorded_trials.py",
-            "tests/unit/apps/test_recording_notices.py",
-            "tests/unit/apps/test_review.py",
-        ),
-    ),
-    "reviews": Room(
-        ("h2nav/reviews/**/*.py",), ("tests/unit/reviews", "tests/unit/test_schemas.py")
-    ),
-    "motion": Room(
-        ("h2nav/motion/**/*.py",),
-        (
-            "tests/unit/motion",
-            "tests/unit/service",
-            "tests/unit/evaluation/test_observer.py",
-            "tests/unit/calibration/test_odometry.py",
-            "tests/scenarios/test_motion_twist.py",
-            "tests/scenarios/test_motion_wheels.py",
-            "tests/agreement/test_odometry_paths.py",
-            "tests/agreement/test_odometry_solvers.py",
-        ),
-    ),
-    "integrity": Room(
-        ("h2nav/integrity/**/*.py",),
-        ("tests/unit/integrity", "tests/unit/service/test_judgement.py"),
-    ),
-    "airframes": Room(("h2nav/airframes/**/*.py",), ("tests/unit/airframes",)),
-    "fetch": Room(("h2nav/fetch/**/*.py",), ("tests/unit/fetch",)),
-    "flights": Room(("h2nav/flights/**/*.py",), ("tests/unit/flights", "tests/unit/live")),
-    "maths": Room(("h2nav/maths/**/*.py",), ("tests/unit/maths", "tests/laws")),
-    "kernels": Room(
-        ("h2nav/attitude/**/kernel/*.py", "h2nav/attitude/integer/*.py"),
-        (
-            "tests/unit/attitude",
-            "tests/contract",
-            "tests/scenarios/test_velocity_aided_faults.py",
-            "tests/scenarios/test_velocity_aided_trials.py",
-            "tests/scenarios/test_lost_attitude.py",
-            "tests/agreement/test_fixed_float.py",
-        ),
-    ),
+    folder.name: Room(
+        (f"h2nav/{folder.name}/**/*.py",),
+        (f"tests/unit/{folder.name}", *FURTHER.get(folder.name, ())),
+    )
+    for folder in sorted((REPOSITORY / "h2nav").iterdir())
+    if (folder / "__init__.py").exists()
+} | {
+    "kernels": KERNELS,
+    "package": Room(("h2nav/*.py",), ("tests/unit/test_cli.py", "tests/unit/test_validation.py")),
 }
 
 
@@ -122,19 +125,23 @@ class Results:
                 row = json.loads(line)
                 self._known[row["key"]] = row
 
-    def verdict(self, mutant: Mutant) -> Verdict | None:
-        """What is known; a survivor has to face changed tests again."""
+    def verdict(self, mutant: Mutant, reach: str) -> Verdict | None:
+        """What is known; a survivor has to face changed tests, and further ones, again."""
         row = self._known.get(_key(mutant))
-        if row is None or (row["fate"] not in KILLED and row["tests"] != self._tests):
+        if row is None:
+            return None
+        has_lived = row["fate"] not in KILLED
+        if has_lived and (row["tests"] != self._tests or row["reach"] not in (reach, ROOM)):
             return None
         return Verdict(row["fate"], row["by"])
 
-    def keep(self, mutant: Mutant, verdict: Verdict) -> None:
+    def keep(self, mutant: Mutant, verdict: Verdict, reach: str) -> None:
         """Appends a verdict."""
-        row = {"key": _key(mutant), "tests": self._tests, **verdict._asdict()}
+        row = {"key": _key(mutant), "tests": self._tests, "reach": reach, **verdict._asdict()}
         row["mutant"] = f"{mutant.module}:{mutant.line} {mutant.kind} {mutant.text!r}"
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
+        self._known[row["key"]] = row
 
 
 def main() -> int:
@@ -144,11 +151,12 @@ def main() -> int:
     parser.add_argument("-n", type=int, default=300, metavar="N", help="how many mutants")
     parser.add_argument("--seed", type=int, default=1, metavar="SEED", help="of the draw")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many at once")
+    parser.add_argument("--near", action="store_true", help="only tests that import the module")
     args = parser.parse_args()
     rooms = [ROOMS[name] for name in args.rooms.split(",")]
     reasons = equivalents()
     sample = draw(rooms, args.n, args.seed)
-    verdicts = judge(sample, rooms, args.jobs)
+    verdicts = judge(sample, args.jobs, (NEAR,) if args.near else (NEAR, ROOM))
     return report(sample, verdicts, reasons)
 
 
@@ -167,40 +175,75 @@ def draw(rooms: Sequence[Room], count: int, seed: int) -> list[Mutant]:
 
 
 def _lines(room: Room) -> Iterator[list[Mutant]]:
-    for path in sorted(path for pattern in room.modules for path in REPOSITORY.glob(pattern)):
-        module = str(path.relative_to(REPOSITORY))
-        for _, of_line in code_lines(mutants(module, path.read_bytes())):
+    for module in _modules(room):
+        for _, of_line in code_lines(mutants(module, (REPOSITORY / module).read_bytes())):
             yield of_line
 
 
-def judge(sample: Sequence[Mutant], rooms: Sequence[Room], jobs: int) -> list[Verdict]:
+def _modules(room: Room) -> list[str]:
+    """Relative to the repository; a kernel is in no other room."""
+    found = {path for pattern in room.modules for path in REPOSITORY.glob(pattern)}
+    if room is not KERNELS:
+        found -= {path for pattern in KERNELS.modules for path in REPOSITORY.glob(pattern)}
+    return sorted(str(path.relative_to(REPOSITORY)) for path in found)
+
+
+def judge(sample: Sequence[Mutant], jobs: int, reaches: Sequence[str]) -> list[Verdict]:
     """The verdicts on a sample, in its order."""
     KEPT.mkdir(exist_ok=True)
-    compiled = ROOMS["kernels"] not in rooms
     results = Results(KEPT / "results.jsonl")
+    room_of = {module: room for room in ROOMS.values() for module in _modules(room)}
+    for reach in reaches:
+        for compiled in (True, False):
+            waiting = [
+                mutant
+                for mutant in sample
+                if (room_of[mutant.module] is KERNELS) != compiled
+                and results.verdict(mutant, reach) is None
+            ]
+            if waiting:
+                suites = {mutant.module: room_of[mutant.module].suites for mutant in waiting}
+                for mutant, verdict in _tried(waiting, suites, jobs, reach, compiled):
+                    results.keep(mutant, verdict, reach)
+    known = (results.verdict(mutant, reaches[-1]) for mutant in sample)
+    return [verdict for verdict in known if verdict is not None]
+
+
+def _tried(
+    sample: Sequence[Mutant],
+    suites: Mapping[str, Sequence[str]],
+    jobs: int,
+    reach: str,
+    compiled: bool,
+) -> Iterator[tuple[Mutant, Verdict]]:
+    """Each mutant with its verdict, as they come; `suites` are those of each module's room."""
     with tempfile.TemporaryDirectory(prefix="h2nav-mutants-") as folder:
         free: SimpleQueue[Workplace] = SimpleQueue()
         for number in range(jobs):
             free.put(Workplace(REPOSITORY, Path(folder) / str(number), compiled))
-        sound = Workplace(REPOSITORY, Path(folder) / "sound", compiled)
-        suites = [suite for room in rooms for suite in room.suites]
-        recordings = record(sound.folder, KEPT / "lines", suites, jobs, compiled)
-        lines = LineMap(sound.folder, recordings, BUDGET_S)
+        sound = Workplace(REPOSITORY, Path(folder) / "sound", compiled).folder
+        files = {module: test_files(sound, found) for module, found in suites.items()}
+        if reach == NEAR:
+            files = {module: nearest(sound, module, found) for module, found in files.items()}
+        recordings = record(
+            sound, KEPT / "lines", sorted({*chain(*files.values())}), jobs, compiled
+        )
+        lines = {
+            module: LineMap(sound, [recordings[path] for path in found], BUDGET_S)
+            for module, found in files.items()
+        }
 
-        def verdict(mutant: Mutant) -> Verdict:
-            known = results.verdict(mutant)
-            if known is not None:
-                return known
+        def tried(mutant: Mutant) -> tuple[Mutant, Verdict]:
             workplace = free.get()
             try:
-                found = workplace.judge(mutant, lines.choose(mutant))
+                return mutant, workplace.judge(mutant, lines[mutant.module].choose(mutant))
             finally:
                 free.put(workplace)
-            results.keep(mutant, found)
-            return found
 
         with ThreadPoolExecutor(jobs) as pool:
-            return list(tqdm(pool.map(verdict, sample), total=len(sample), unit="mutant"))
+            done = as_completed([pool.submit(tried, mutant) for mutant in sample])
+            for future in tqdm(done, total=len(sample), desc=reach, unit="mutant"):
+                yield future.result()
 
 
 def report(

@@ -7,6 +7,7 @@ and where there is none by all that run the module.
 """
 
 import ast
+import functools
 import hashlib
 import json
 import os
@@ -189,15 +190,60 @@ class _Names:
         return names
 
 
+def test_files(repository: Path, suites: Iterable[str]) -> list[Path]:
+    """The test files of suites, which are files or folders relative to the tree."""
+    found = (path for suite in suites for path in _test_files(repository / suite))
+    return list(dict.fromkeys(found))
+
+
+def nearest(repository: Path, module: str, files: Sequence[Path]) -> list[Path]:
+    """Those of some test files that import a module or have its name.
+
+    Where there is none, those that import a module that imports it, and so on; for a command, which
+    is loaded by its name, those that name it; and else all.
+    """
+    package = sorted((repository / "h2nav").rglob("*.py"))
+    stem = Path(module).stem
+    near = {path for path in files if path.stem.startswith(f"test_{stem}")}
+    modules, seen = {module}, {module}
+    while modules and not near:
+        near = {path for one in modules for path in _importers(one, files)}
+        above = {path for one in modules for path in _importers(one, package)}
+        modules = {str(path.relative_to(repository)) for path in above} - seen
+        seen |= modules
+    if not near:
+        words = [f'"{word}"' for word in stem.split("_")]
+        near = {path for path in files if all(word in path.read_text("utf-8") for word in words)}
+    return [path for path in files if path in near] or list(files)
+
+
+@functools.cache
+def _imports(path: Path) -> frozenset[str]:
+    """What a file imports: the modules, and what is taken from a package, dotted."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(str(node.module))
+            found |= {f"{node.module}.{name.name}" for name in node.names}
+    return frozenset(found)
+
+
+def _importers(module: str, files: Iterable[Path]) -> set[Path]:
+    dotted = module.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    return {path for path in files if dotted in _imports(path)}
+
+
 def record(
-    repository: Path, kept: Path, suites: Sequence[str], jobs: int, compiled: bool
-) -> list[dict]:
-    """Runs every test file of the suites once under the recorder, as far as that is not kept.
+    repository: Path, kept: Path, files: Sequence[Path], jobs: int, compiled: bool
+) -> dict[Path, dict]:
+    """Runs every test file once under the recorder, as far as that is not kept.
 
     Args:
         repository: the tree to run in.
         kept: folder of the recordings.
-        suites: test files and folders, relative to the tree.
+        files: test files of the tree.
         jobs: how many at once.
         compiled: with the compiled kernels, where the tree has them.
 
@@ -206,8 +252,6 @@ def record(
     """
     kept.mkdir(parents=True, exist_ok=True)
     support = {path.stem: path for path in sorted((repository / "tests").glob("*.py"))}
-    paths = [path for suite in suites for path in _test_files(repository / suite)]
-    files = list(dict.fromkeys(paths))
 
     def recorded(path: Path) -> dict:
         made_of = _digest([path, *_supporting(path, support)])
@@ -218,7 +262,8 @@ def record(
 
     with ThreadPoolExecutor(jobs) as pool:
         rounds = pool.map(recorded, files)
-        return list(tqdm(rounds, total=len(files), desc="which test runs which line", unit="file"))
+        progress = tqdm(rounds, total=len(files), desc="which test runs which line", unit="file")
+        return dict(zip(files, progress, strict=True))
 
 
 def environment(repository: Path, compiled: bool) -> dict[str, str]:
