@@ -24,6 +24,7 @@ from integer_flights import (
 )
 from needs import DEG
 from synthetic_imu import (
+    FIELD,
     Disturbance,
     Flight,
     RateLaw,
@@ -152,6 +153,16 @@ def test_predicted_deviation_and_trust_are_those_of_the_floats() -> None:
     for floats, integers in found.pairs:
         assert 0.8 < integers.sigma_tilt_rad / floats.sigma_tilt_rad < 1.3
         assert integers.trust == floats.trust
+
+
+@pytest.mark.parametrize("field", [None, FIELD])
+def test_the_deviation_of_the_heading_is_that_of_the_floats(field: EarthField | None) -> None:
+    """Of a given field it includes the offset that nothing has shown: 7 deg instead of 2."""
+    flight = fly(gentle, 30.0, 2, disturbance=Disturbance(force=breeze))
+    found = both(flight, skip_s=20.0, field=field)
+    for floats, integers in found.pairs:
+        assert 0.9 < integers.sigma_heading_rad / floats.sigma_heading_rad < 1.05
+    assert (found.pairs[-1][1].sigma_heading_rad > 5.0 * DEG) is (field is not None)
 
 
 def test_fixes_are_used_at_their_own_time() -> None:

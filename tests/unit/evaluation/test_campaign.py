@@ -449,7 +449,11 @@ def test_a_bad_flight_is_shrunk_to_what_makes_it_bad():
         is_bad = one.receiver.delay_s == 0.4 and faults[1] in one.faults
         return row(3, tilt_wrong_s=30.0 if is_bad and one.flight.length_min >= 4.0 else 0.0)
 
-    small = shrink(draw, fly, lambda *_: None, 60)
+    tried = []
+    small = shrink(draw, fly, lambda *each: tried.append(each), 60)
+    assert 10 < len(tried) <= 60
+    assert all(found == badness(fly(one)) for one, found in tried)
+    assert small in [one for one, _ in tried]
     assert small.faults == (faults[1],)
     assert small.receiver == ReceiverDraw(delay_s=0.4)
     assert small.imu == ImuDraw()

@@ -63,6 +63,16 @@ def test_an_attitude_that_is_off_for_long_is_told_with_the_velocitys_verdict():
     assert "fits ours better" in finding.evidence
 
 
+def test_gravity_while_it_was_off_shows_whose_tilt_is_wrong():
+    """12 deg from 50 to 90 s, nothing before and after."""
+    t_s = times("rest")
+    error = np.zeros((len(t_s), 3))
+    error[:, 0] = 12.0 * DEG * np.clip(np.minimum(t_s - 30.0, 110.0 - t_s) / 20.0, 0.0, 1.0)
+    finding = only(with_attitude("rest", error))
+    assert finding.kind == "autopilot_tilt"
+    assert "gravity at rest is 1 deg from ours and 12 deg from the autopilot's" in finding.evidence
+
+
 @pytest.mark.parametrize("fixes", [0, 3])
 def test_without_velocities_it_stays_open_whose_attitude_is_off(fixes):
     t_s = times("aggressive")

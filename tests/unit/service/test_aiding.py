@@ -5,13 +5,21 @@ from types import SimpleNamespace
 
 import pytest
 
-from h2nav.attitude.samples import EarthField
-from h2nav.service.aiding import Aiding, FieldOfTheEarth
+from h2nav.attitude.samples import EarthField, VelocityFix
+from h2nav.service.aiding import DEFAULT_SIGMA_M_S, Aiding, FieldOfTheEarth, autopilot_velocity
 from h2nav.service.settings import AidingSettings, NorthSettings
-from h2nav.wire.position import Place
+from h2nav.wire.position import EstimatedVelocity, Place
 from h2nav.wire.vehicle import Airspeed
 
 FIELD = EarthField(50.0, 1.0, 0.1)
+
+
+def test_the_velocity_of_the_autopilots_estimator_is_marked_as_dependent():
+    found = autopilot_velocity(EstimatedVelocity(5_000_000, (1.0, -2.0, 0.5)), 5_100_000)
+    assert found == VelocityFix(5_000_000, (1.0, -2.0, 0.5), DEFAULT_SIGMA_M_S, False)
+    # A time of another clock is none: the newest sample's stands in.
+    other = EstimatedVelocity(9_000_000_000, (1.0, -2.0, 0.5))
+    assert autopilot_velocity(other, 5_100_000).t_us == 5_100_000
 
 
 def test_no_field_is_asked_for_at_the_place_of_an_autopilot_without_a_fix():

@@ -166,3 +166,5 @@ def test_a_covariance_beyond_single_precision_stands_at_its_end():
     assert read.x == pytest.approx(3.4e38, rel=0.01)
     assert all(map(math.isfinite, read.pose_covariance))
     assert read.reset_counter == 300 % 256
+    first = outbound.odometry(record._replace(reset_counter=256), 3, 100)
+    assert on_the_wire(first).reset_counter == 0

@@ -9,7 +9,7 @@ from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.readers import READERS
 from h2nav.wire.refused import Refused
-from h2nav.wire.vehicle import Airspeed, Vibration
+from h2nav.wire.vehicle import Airspeed, SystemTime, Vibration
 
 
 def read(message):
@@ -44,3 +44,13 @@ def test_an_airspeed_is_that_of_a_healthy_first_sensor():
 
 def test_the_airspeed_of_a_display_is_an_estimate_and_not_read():
     assert mavlink.MAVLINK_MSG_ID_VFR_HUD not in READERS
+
+
+def test_a_date_is_known_unknown_or_impossible():
+    def dated(unix_us):
+        return read(mavlink.MAVLink_system_time_message(unix_us, 1000))
+
+    assert dated(1_795_000_000_250_000) == SystemTime(1_795_000_000.25)
+    assert dated(0) == SystemTime(None)
+    with pytest.raises(Refused, match="date_out_of_range"):
+        dated(1_795_000_000_250_000_000)
