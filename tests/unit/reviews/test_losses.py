@@ -182,3 +182,14 @@ def test_what_follows_a_crash_in_the_same_flight_is_its_consequence():
     said = next(one for one in links.findings if one.kind is Kind.SAID_EKF_FAILED)
     assert said.cause == first.id
     assert "It met the ground again at 80 s." in verdict(analysis_of, analysis, links).text
+
+
+def test_an_estimator_that_was_wrong_before_a_crash_is_said():
+    wrong = Finding(
+        Kind.AUTOPILOT_HEADING, Sensor(SensorKind.AUTOPILOT), Severity.WARNING,
+        20.0, 30.0, 30.0, "deg", "", "",
+    )  # fmt: skip
+    crashed = flown(*fallen(12.0))
+    text = told(crashed._replace(findings=(wrong,)))[1]
+    assert "Before that, the autopilot's heading was wrong." in text
+    assert "Sensors and estimators were sound until then." in told(crashed)[1]
