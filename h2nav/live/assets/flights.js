@@ -19,7 +19,7 @@ if (location.hash.startsWith("#token=")) {
 
 // Name, key of the sort (none: not sortable), first order, how a cell is drawn.
 const COLUMNS = [
-  ["Date", "date", "down", "date", date],
+  ["Date, UTC", "date", "down", "date", date],
   ["Flight", "name", "up", "name", name],
   ["Airframe", "airframe", "up", "", (row) => [row.airframe || row.vehicle]],
   ["Duration", "duration", "down", "number", (row) => [duration(row.duration_s)]],
@@ -232,11 +232,16 @@ function named() {
   return token ? { Authorization: `Bearer ${token}` } : {};
 }
 
+// What the server says besides the number of its status.
+async function reason(answer) {
+  return (await answer.text()).trim().replace(/^\d+ /, "");
+}
+
 // Asks for a change, and draws the list anew.
 async function change(method, address) {
   try {
     const answer = await fetch(address, { method, headers: named() });
-    if (!answer.ok) throw new Error((await answer.text()).trim());
+    if (!answer.ok) throw new Error(await reason(answer));
     await ask();
   } catch (error) {
     trouble(error instanceof TypeError ? "h2nav does not answer." : error.message);
@@ -263,7 +268,7 @@ async function upload(files) {
       if (file.size > largest) throw new Error(`larger than ${size(largest)}`);
       const answer = await fetch(`flights/uploads?name=${encodeURIComponent(file.name)}`,
         { method: "POST", body: file, headers: named() });
-      if (!answer.ok) throw new Error((await answer.text()).trim());
+      if (!answer.ok) throw new Error(await reason(answer));
       line.textContent = `${(await answer.json()).name}: uploaded, it is reviewed next`;
     } catch (error) {
       line.className = "failed";
@@ -290,6 +295,10 @@ at("sort").addEventListener("change", () => {
   asked.sort = "";
   sortBy(at("sort").value);
   at("sort").focus();
+});
+at("reverse").addEventListener("click", () => {
+  sortBy(asked.sort);
+  at("reverse").focus();
 });
 at("before").addEventListener("click", () => {
   asked.offset = Math.max(0, asked.offset - ROWS);
