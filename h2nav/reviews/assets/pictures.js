@@ -126,7 +126,7 @@ function moments(isNamed) {
   return (plot) => inside(plot, (ctx, box, ratio, x) => {
     ctx.font = `${11 * ratio}px sans-serif`;
     ctx.textBaseline = "bottom";
-    let free = -Infinity, line = 0;
+    const ends = [];  // of the names on each line
     for (const [t, text, colour] of review.marks) {
       const at = x(t);
       if (at < box.left - 1 || at > box.left + box.width + 1) continue;
@@ -140,8 +140,9 @@ function moments(isNamed) {
       if (!isNamed) continue;
       const width = ctx.measureText(text).width + 8 * ratio;
       const left = Math.min(at + 4 * ratio, box.left + box.width - width);
-      line = left < free ? line + 1 : 0;
-      free = left + width;
+      const found = ends.findIndex((end) => end <= left);
+      const line = found < 0 ? ends.length : found;
+      ends[line] = left + width;
       ctx.fillText(text, left, box.top + box.height - (3 + 13 * line) * ratio);
     }
   });
