@@ -3,6 +3,7 @@
 import dataclasses
 
 import pytest
+from lanes import few_rows
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
 
@@ -34,16 +35,19 @@ def test_a_sound_vehicle_has_no_fault(imus):
 
 @pytest.mark.parametrize(
     ("fault", "imus", "expected"),
-    [
-        ("gyro-bias=4@0", 1, (Item.GYRO, "IMU 1")),
-        ("accel-scale=1.1@0", 1, (Item.ACCELEROMETER, "IMU 1")),
-        ("compass-reversed@0/2", 2, (Item.COMPASS, "compass 2")),
-        ("compass-turned=90@0/2", 2, (Item.COMPASSES_APART, "compass 1 and 2")),
-        ("accel-bias=1.5@0/2", 2, (Item.ACCELEROMETERS_APART, "IMU 1 and 2")),
-        ("hard-iron=80@0", 1, (Item.COMPASS, "compass 1")),
-        ("autopilot-tilt=10@0", 1, (Item.TILT, "autopilot")),
-        ("gps-step=4@0", 1, (Item.GPS, "GPS")),
-    ],
+    few_rows(
+        3,
+        [
+            ("gyro-bias=4@0", 1, (Item.GYRO, "IMU 1")),
+            ("accel-scale=1.1@0", 1, (Item.ACCELEROMETER, "IMU 1")),
+            ("compass-reversed@0/2", 2, (Item.COMPASS, "compass 2")),
+            ("compass-turned=90@0/2", 2, (Item.COMPASSES_APART, "compass 1 and 2")),
+            ("accel-bias=1.5@0/2", 2, (Item.ACCELEROMETERS_APART, "IMU 1 and 2")),
+            ("hard-iron=80@0", 1, (Item.COMPASS, "compass 1")),
+            ("autopilot-tilt=10@0", 1, (Item.TILT, "autopilot")),
+            ("gps-step=4@0", 1, (Item.GPS, "GPS")),
+        ],
+    ),
 )
 def test_a_fault_on_the_ground_is_said_once(fault, imus, expected):
     flight = SimulatedFlight("rest", imus=imus, faults=(fault,)).run(20.0)
@@ -173,20 +177,23 @@ LATER_S = 15.0  # after the optional streams have come
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [
-        ("accel-bias=3", "accelerometer 1 off by 3.0 m/s2"),
-        ("gyro-bias=4", "gyro 1 turns 3.9 deg/s at rest"),
-        ("imu-frozen", "IMU 1: whole IMU is frozen"),
-        ("gyro-frozen", "IMU 1: gyro is frozen"),
-        ("accel-frozen", "IMU 1: accelerometer is frozen"),
-        ("zero-accel/2", "IMU 2: "),
-        ("no-mag", "compass 1 is no longer read"),
-        ("no-mag/3", "compass 3 is no longer read"),
-        ("compass-turned=90/2", "compass 2 is off by 90 deg"),
-        ("gps-step=4", "GPS moves by "),
-        ("autopilot-tilt=10", "autopilot's tilt off by 10"),
-        ("autopilot-heading=40", "autopilot's heading off 40 deg"),
-    ],
+    few_rows(
+        4,
+        [
+            ("accel-bias=3", "accelerometer 1 off by 3.0 m/s2"),
+            ("gyro-bias=4", "gyro 1 turns 3.9 deg/s at rest"),
+            ("imu-frozen", "IMU 1: whole IMU is frozen"),
+            ("gyro-frozen", "IMU 1: gyro is frozen"),
+            ("accel-frozen", "IMU 1: accelerometer is frozen"),
+            ("zero-accel/2", "IMU 2: "),
+            ("no-mag", "compass 1 is no longer read"),
+            ("no-mag/3", "compass 3 is no longer read"),
+            ("compass-turned=90/2", "compass 2 is off by 90 deg"),
+            ("gps-step=4", "GPS moves by "),
+            ("autopilot-tilt=10", "autopilot's tilt off by 10"),
+            ("autopilot-heading=40", "autopilot's heading off 40 deg"),
+        ],
+    ),
 )
 def test_of_three_imus_the_wrong_sensor_alone_is_the_reason(fault, said):
     """The autopilot flies on another IMU meanwhile, and HIGHRES_IMU shows that one."""

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from lanes import few, few_rows
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SimulatedFlight
 
@@ -48,7 +49,7 @@ def test_the_difference_is_shown_and_sent():
     assert flight.health.autopilot_heading_deg is None
 
 
-@pytest.mark.parametrize("sender", [US, (1, 2), (2, 1), (255, 190)])
+@pytest.mark.parametrize("sender", few(2, [US, (1, 2), (2, 1), (255, 190)]))
 def test_nobody_elses_attitude_is_taken_for_the_autopilots(sender):
     flight = Answering("rest", configuration=Configuration(autopilot=QUIET))
     flight.reports(25.0, turned_deg=20.0, sender=sender)
@@ -61,7 +62,10 @@ def test_ahrs2_alone_is_no_difference_of_the_autopilot():
     assert flight.health.autopilot_heading_deg is None
 
 
-@pytest.mark.parametrize(("personality", "wanted"), [(ARDUPILOT, {30: 10.0, 178: 5.0}), (PX4, {})])
+@pytest.mark.parametrize(
+    ("personality", "wanted"),
+    few_rows(1, [(ARDUPILOT, {30: 10.0, 178: 5.0}), (PX4, {})]),
+)
 def test_what_is_missing_is_asked_for_last_and_nobody_hears_of_it(personality, wanted):
     """PX4 sends ATTITUDE by itself, and knows no AHRS2."""
     flight = SimulatedFlight("rest", personality=personality).run(60.0)

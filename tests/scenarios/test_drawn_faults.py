@@ -27,6 +27,7 @@ def test_an_accelerometer_off_by_3_is_named_within_three_seconds_and_alone():
     assert kinds(found) == set()
 
 
+@pytest.mark.thorough
 def test_a_spoofed_velocity_stays_out_for_as_long_as_it_is_false():
     """It was fused again when its beginning had left the window of 10 s: 10 deg of tilt."""
     row, found = flown("gps-ramp=1.5@70.0+60", length_min=2.1, rate_hz=100.0)
@@ -35,6 +36,7 @@ def test_a_spoofed_velocity_stays_out_for_as_long_as_it_is_false():
     assert row["tilt_deg"]["p50"] < 1.5
 
 
+@pytest.mark.thorough
 def test_a_step_of_the_velocity_is_named_with_its_position():
     _, found = flown("gps-step=2@70.0+20", rate_hz=100.0)
     assert found["outcome"] == "right"
@@ -42,12 +44,14 @@ def test_a_step_of_the_velocity_is_named_with_its_position():
     assert kinds(found) == set()
 
 
+@pytest.mark.thorough
 def test_the_receiver_is_not_lost_while_a_gyro_is_frozen():
     _, found = flown("gyro-frozen@70.0+15")
     assert found["outcome"] == "right"
     assert kinds(found) == set()
 
 
+@pytest.mark.thorough
 def test_a_ramp_in_strong_vibration_accuses_nobody_else():
     """The force's samples scatter by metres a second, its mean by tenths."""
     noisy = ReceiverDraw(rate_hz=1.0, delay_s=0.3, noise_m_s=0.035)

@@ -122,6 +122,7 @@ def test_heartbeats_of_everybody_are_a_handful_of_lines():
     assert flight.health.autopilot == "1/1"
 
 
+@pytest.mark.thorough
 def test_a_rival_is_told_once_a_minute():
     flight = SimulatedFlight("rest").run(3.0)
     for _ in range(70):

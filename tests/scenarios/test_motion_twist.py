@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from lanes import few_rows
 from motion_flights import (
     CAMERA,
     altered,
@@ -117,21 +118,28 @@ def damage(field, value):
 
 @pytest.mark.parametrize(
     ("field", "value", "reason"),
-    [
-        ("x", lambda _m: math.nan, "pose_not_finite"),
-        ("q", lambda _m: (math.nan,) * 4, "pose_not_finite"),
-        ("q", lambda _m: (0.0,) * 4, "pose_not_finite"),
-        ("z", lambda _m: 1e30, "pose_not_finite"),
-        ("frame_id", lambda _m: mavlink.MAV_FRAME_GLOBAL, "pose_wrong_frame"),
-        ("frame_id", lambda _m: mavlink.MAV_FRAME_LOCAL_NED, "pose_wrong_frame"),
-        ("quality", lambda _m: -1, "pose_failed"),
-        ("time_usec", lambda m: m.time_usec - 300_000, "pose_not_later"),
-        ("time_usec", lambda m: m.time_usec - 1_500_000, "pose_not_later"),
-        ("time_usec", lambda _m: 1, "pose_stray_time"),
-        ("time_usec", lambda m: m.time_usec + 1_500_000, "pose_too_far_ahead"),
-        ("time_usec", lambda _m: (1 << 64) - 1, "pose_stray_time"),
-        ("estimator_type", lambda _m: mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT, "pose_of_autopilot"),
-    ],
+    few_rows(
+        4,
+        [
+            ("x", lambda _m: math.nan, "pose_not_finite"),
+            ("q", lambda _m: (math.nan,) * 4, "pose_not_finite"),
+            ("q", lambda _m: (0.0,) * 4, "pose_not_finite"),
+            ("z", lambda _m: 1e30, "pose_not_finite"),
+            ("frame_id", lambda _m: mavlink.MAV_FRAME_GLOBAL, "pose_wrong_frame"),
+            ("frame_id", lambda _m: mavlink.MAV_FRAME_LOCAL_NED, "pose_wrong_frame"),
+            ("quality", lambda _m: -1, "pose_failed"),
+            ("time_usec", lambda m: m.time_usec - 300_000, "pose_not_later"),
+            ("time_usec", lambda m: m.time_usec - 1_500_000, "pose_not_later"),
+            ("time_usec", lambda _m: 1, "pose_stray_time"),
+            ("time_usec", lambda m: m.time_usec + 1_500_000, "pose_too_far_ahead"),
+            ("time_usec", lambda _m: (1 << 64) - 1, "pose_stray_time"),
+            (
+                "estimator_type",
+                lambda _m: mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+                "pose_of_autopilot",
+            ),
+        ],
+    ),
 )
 def test_bad_poses_between_good_ones_are_counted_and_do_no_harm(field, value, reason):
     """Every third pose is damaged: it is counted by its reason, and the twist comes right."""

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from lanes import few, few_rows
 from motion_flights import altered, is_finite, odometry
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
@@ -47,7 +48,7 @@ def offset(flight, message):
     return math.sqrt(d @ np.linalg.solve(P, d)), math.hypot(*d)
 
 
-@pytest.mark.parametrize("name", LENGTH_S)
+@pytest.mark.parametrize("name", few(1, LENGTH_S))
 def test_the_rover_comes_back_within_its_covariance(name):
     """Half circle, figure eight, square: every ODOMETRY inside 3.44 sigma, 20 Hz, no reset.
 
@@ -106,13 +107,16 @@ def test_a_counter_that_jumps_moves_nothing():
 
 @pytest.mark.parametrize(
     ("field", "value", "reason"),
-    [
-        ("distance", lambda m: [math.nan, *m.distance[1:]], "wheels_not_finite"),
-        ("distance", lambda m: [math.inf, *m.distance[1:]], "wheels_not_finite"),
-        ("count", lambda _m: 1, "wheels_not_finite"),
-        ("time_usec", lambda m: m.time_usec - 500_000, "wheels_not_later"),
-        ("time_usec", lambda _m: 1, "wheels_stray_time"),
-    ],
+    few_rows(
+        2,
+        [
+            ("distance", lambda m: [math.nan, *m.distance[1:]], "wheels_not_finite"),
+            ("distance", lambda m: [math.inf, *m.distance[1:]], "wheels_not_finite"),
+            ("count", lambda _m: 1, "wheels_not_finite"),
+            ("time_usec", lambda m: m.time_usec - 500_000, "wheels_not_later"),
+            ("time_usec", lambda _m: 1, "wheels_stray_time"),
+        ],
+    ),
 )
 def test_bad_readings_between_good_ones_are_counted_and_do_no_harm(field, value, reason):
     """Every third reading is damaged: counted by its reason; the next one spans the interval."""

@@ -1,6 +1,7 @@
 """A vehicle with three IMUs: the service is flown on one of them, or on whichever is well."""
 
 import pytest
+from lanes import few, few_rows
 from simulated_flight import SIMULATED, SimulatedFlight
 
 from h2nav.apps.configuration import Configuration
@@ -13,7 +14,7 @@ def on(imu_message):
 
 
 @pytest.mark.parametrize(
-    ("imu_message", "imu"), [("SCALED_IMU", 1), ("SCALED_IMU2", 2), ("SCALED_IMU3", 3)]
+    ("imu_message", "imu"), few_rows(1, [("SCALED_IMU", 1), ("SCALED_IMU2", 2), ("SCALED_IMU3", 3)])
 )
 def test_an_imu_that_is_well_is_flown_on_while_the_others_fail(imu_message, imu):
     others = {1, 2, 3} - {imu}
@@ -32,7 +33,7 @@ def test_a_gyro_that_reads_zero_shows_in_the_attitude():
     assert flight.run(25.0).errors().total > 1.0
 
 
-@pytest.mark.parametrize("fault", ["accel-fixed", "imu-frozen"])
+@pytest.mark.parametrize("fault", few(1, ["accel-fixed", "imu-frozen"]))
 def test_the_service_goes_on_with_another_imu_and_says_so_once(fault):
     flight = SimulatedFlight("flight", faults=(f"{fault}@15",), imus=3).run(25.0)
     switches = [text for _, _, text in flight.seen.notices if "instead of" in text]

@@ -6,6 +6,7 @@ Rows are those of the table in docs/faults.md.
 import dataclasses
 
 import pytest
+from lanes import few
 from needs import REPOSITORY
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
@@ -71,7 +72,7 @@ def test_a_default_plane_works_at_forty_hertz():
     assert [row[1] for row in requests(flight, 2.0)] == late
 
 
-@pytest.mark.parametrize("asked_hz", [50.0, 200.0, 400.0, 1000.0])
+@pytest.mark.parametrize("asked_hz", few(1, [50.0, 200.0, 400.0, 1000.0]))
 def test_a_plane_gives_what_its_loop_can_whatever_is_asked(asked_hz):
     asked = Configuration(autopilot=AutopilotSettings(imu_rate_hz=asked_hz))
     flight = SimulatedFlight("rest", personality=ARDUPLANE, configuration=asked).run(10.0)
@@ -81,6 +82,7 @@ def test_a_plane_gives_what_its_loop_can_whatever_is_asked(asked_hz):
     assert len(requests(flight)) <= MAX_PER_MINUTE
 
 
+@pytest.mark.thorough
 def test_what_px4_sends_is_not_slowed_down():
     """8: only the missing SCALED_IMU and VIBRATION are asked for; every default rate stays."""
     flight = SimulatedFlight("flight", personality=PX4, configuration=Configuration()).run(30.0)
@@ -123,6 +125,7 @@ def test_rate_taken_away_is_asked_back_before_it_does_harm():
     assert stream_notices(flight) == []
 
 
+@pytest.mark.thorough
 def test_rate_taken_away_again_and_again():
     """8: each time within the budget, with growing pauses; the state says so, and it is told."""
     faults = tuple(f"rate=4@{t_s}" for t_s in range(5, 120, 2))
@@ -135,6 +138,7 @@ def test_rate_taken_away_again_and_again():
     assert ["set by another station?" in text for text in told] == [True]
 
 
+@pytest.mark.thorough
 def test_a_slow_line_is_settled_on_and_told_once():
     """8: what 57,600 baud cannot carry is asked for no more, and the state is calm about it."""
     flight = SimulatedFlight("rest", line_bytes_per_s=5760.0).run(60.0)
@@ -146,7 +150,7 @@ def test_a_slow_line_is_settled_on_and_told_once():
     assert states_since(flight, 30.0) == []
 
 
-@pytest.mark.parametrize("personality", [ARDUPILOT, ARDUPLANE], ids=lambda p: p.name)
+@pytest.mark.parametrize("personality", few(1, [ARDUPILOT, ARDUPLANE]), ids=lambda p: p.name)
 def test_a_telemetry_radio_is_left_to_the_ground_station(personality):
     """57,600 baud: both directions together take at most a quarter, and the state is active."""
     radio = configuration.read(REPOSITORY / "configs" / "telemetry-radio.yaml")

@@ -91,6 +91,7 @@ def test_a_seed_and_its_printed_draw_are_the_same_flight(short, tmp_path, capsys
     assert row["seed"] == 0
 
 
+@pytest.mark.thorough
 def test_pictures_are_drawn(flown, short, tmp_path, capsys):
     need_package("matplotlib")
     folder, _ = flown

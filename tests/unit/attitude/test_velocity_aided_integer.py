@@ -22,6 +22,7 @@ from integer_flights import (
     standing,
     tilt_deg,
 )
+from lanes import few
 from needs import DEG
 from synthetic_imu import (
     FIELD,
@@ -107,7 +108,9 @@ def both(
 # --- next to the filter in floats ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR, FIXED_WING], ids=lambda g: g.vehicle_class)
+@pytest.mark.parametrize(
+    "gains", few(1, [HANDHELD, MULTIROTOR, FIXED_WING]), ids=lambda g: g.vehicle_class
+)
 def test_at_rest_both_agree_to_hundredths_of_a_degree(gains: VelocityAidedGains) -> None:
     found = both(fly(still, 40.0, 1), gains, GROUND)
     assert rms_deg([a * DEG for a in found.apart_deg()]) < 0.05
@@ -118,7 +121,7 @@ def test_at_rest_both_agree_to_hundredths_of_a_degree(gains: VelocityAidedGains)
 
 
 @pytest.mark.parametrize("law", [slow, gentle])
-@pytest.mark.parametrize("gains", [HANDHELD, MULTIROTOR], ids=lambda g: g.vehicle_class)
+@pytest.mark.parametrize("gains", few(1, [HANDHELD, MULTIROTOR]), ids=lambda g: g.vehicle_class)
 def test_in_motion_both_agree_to_hundredths_of_a_degree(
     law: RateLaw, gains: VelocityAidedGains
 ) -> None:
@@ -130,7 +133,7 @@ def test_in_motion_both_agree_to_hundredths_of_a_degree(
     assert sum(a == b for a, b in found.sets) > 0.9 * len(found.sets)
 
 
-@pytest.mark.parametrize("law", [gentle, brisk, wild])
+@pytest.mark.parametrize("law", few(2, [gentle, brisk, wild]))
 def test_under_acceleration_the_integers_are_as_good(law: RateLaw) -> None:
     """What the acceleration does to either filter is ten times what lies between them."""
     flight = fly(law, 60.0, 1, bias_b=BIAS, disturbance=Disturbance(force=breeze))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from lanes import few
 from needs import DEG
 from synthetic_imu import Flight, RateLaw, brisk, fly, rms_deg, still
 from velocity_flights import (
@@ -134,7 +135,7 @@ def test_fixes_that_are_later_than_their_stamps_are_seen_to_be() -> None:
 
 
 @pytest.mark.parametrize("make", [new_filter, new_integer_filter], ids=["floats", "integers"])
-@pytest.mark.parametrize("removed", [0, 20, 30])
+@pytest.mark.parametrize("removed", few(2, [0, 20, 30]))
 def test_a_delay_that_is_removed_from_the_fixes_does_not_count_twice(
     removed: int, make: Callable[[], VelocityAidedFilter | IntegerVelocityAidedFilter]
 ) -> None:

@@ -124,6 +124,7 @@ def test_a_lift_off_without_sideways_force_leaves_no_stuck_axis():
     assert not watched(t_s, gyro, force).any()
 
 
+@pytest.mark.thorough
 def test_the_bound_holds_for_runs_that_end_at_any_value_alike():
     """A million values that come again with a given probability each, as the bound assumes."""
     rng = np.random.default_rng(3)
