@@ -17,6 +17,7 @@ import tomllib
 import numpy as np
 import pytest
 from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
+from lanes import few_rows
 from needs import REPOSITORY
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -174,19 +175,22 @@ def test_a_trial_is_evaluated_without_the_filters_of_the_extras(base, tmp_path):
 
 @pytest.mark.parametrize(
     ("line", "extra", "package"),
-    [
-        ("synthesize model.yaml --rate 100 -o gains.yaml", "synthesis", "scipy"),
-        ("certify handheld_100hz", "synthesis", "scipy"),
-        ("evaluate paper", "synthesis", "scipy"),
-        ("evaluate dataset trials --filter paper", "synthesis", "scipy"),
-        ("evaluate dataset trials --filter vqf", "peers", "vqf"),
-        ("evaluate dataset trials --filter ahrs.ekf", "peers", "ahrs"),
-        ("evaluate dataset trials --plots out", "plots", "matplotlib"),
-        ("evaluate flights recordings --plots out", "plots", "matplotlib"),
-        ("evaluate observer --plots out", "plots", "matplotlib"),
-        ("odometry calibrate drive.csv --plots out", "plots", "matplotlib"),
-        ("run --connect udpin:127.0.0.1:0 --live", "live", "foxglove"),
-    ],
+    few_rows(
+        4,
+        [
+            ("synthesize model.yaml --rate 100 -o gains.yaml", "synthesis", "scipy"),
+            ("certify handheld_100hz", "synthesis", "scipy"),
+            ("evaluate paper", "synthesis", "scipy"),
+            ("evaluate dataset trials --filter paper", "synthesis", "scipy"),
+            ("evaluate dataset trials --filter vqf", "peers", "vqf"),
+            ("evaluate dataset trials --filter ahrs.ekf", "peers", "ahrs"),
+            ("evaluate dataset trials --plots out", "plots", "matplotlib"),
+            ("evaluate flights recordings --plots out", "plots", "matplotlib"),
+            ("evaluate observer --plots out", "plots", "matplotlib"),
+            ("odometry calibrate drive.csv --plots out", "plots", "matplotlib"),
+            ("run --connect udpin:127.0.0.1:0 --live", "live", "foxglove"),
+        ],
+    ),
 )
 def test_a_missing_extra_is_one_line_with_its_remedy(base, line, extra, package):
     hint = the_hint(base, *line.split())
@@ -194,6 +198,7 @@ def test_a_missing_extra_is_one_line_with_its_remedy(base, line, extra, package)
     assert hint.endswith(f"pip install 'h2nav[{extra}]'")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("line", "hidden", "said"),
     [

@@ -47,6 +47,7 @@ def test_it_flies_prints_and_leaves_a_log(tmp_path):
     assert Path(result["log"]) == the_log(tmp_path)
 
 
+@pytest.mark.thorough
 def test_it_says_what_to_try_next(tmp_path):
     done = demo("--seconds", SECONDS, "--log-dir", str(tmp_path))
     assert done.returncode == 0, done.stderr

@@ -86,6 +86,7 @@ def test_it_follows_the_vehicle_and_says_what_goes_wrong(browser, flying):
     assert browser.get_log("browser") == []
 
 
+@pytest.mark.thorough
 def test_the_page_says_that_the_daemon_has_ended(browser, flying):
     running, _, url = flying
     browser.get(url)

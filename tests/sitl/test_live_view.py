@@ -100,6 +100,7 @@ def schema_bytes(channel):
     return base64.b64decode(text + "==") if channel["encoding"] == "protobuf" else text.encode()
 
 
+@pytest.mark.thorough
 def test_a_client_gets_the_channels_of_the_log_as_they_are_made(flying, tmp_path):
     running, foxglove_port = flying
 

@@ -73,6 +73,7 @@ def test_ready_watchdog_and_stopping_are_told(manager):
         daemon.wait()
 
 
+@pytest.mark.thorough
 def test_a_stopped_loop_starves_the_watchdog(manager):
     """The notifications come from the loop that does the work, not from a thread beside it."""
     environment = {**os.environ, "NOTIFY_SOCKET": manager.address, "WATCHDOG_USEC": "300000"}

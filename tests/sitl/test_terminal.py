@@ -111,6 +111,7 @@ def test_the_panel_lives_survives_another_size_and_leaves_a_clean_screen(flying,
         assert not starting_with(left, gone), text
 
 
+@pytest.mark.thorough
 def test_events_carry_time_and_attitude(flying):
     before_s = time.time()
     with daemon("--connect", flying) as running:
