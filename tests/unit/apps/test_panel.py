@@ -88,6 +88,6 @@ def test_trouble_with_the_log_is_seen():
     lost = LOG._replace(counters=LOG.counters._replace(lost_disk=2, dropped_queue_full=1))
     assert "3 messages LOST" in lines(log=lost)[7]
     refused = LOG._replace(counters=LOG.counters._replace(rejected=4))
-    assert "4 messages LOST" in lines(log=refused)[7]
+    assert " MB, 4 messages LOST" in lines(log=refused)[7]
     assert lines(log=LOG._replace(trouble="disk full"))[7].endswith("NOT RECORDING: disk full")
     assert lines(log=LOG._replace(path=None))[7] == "log        1.5 MB"
