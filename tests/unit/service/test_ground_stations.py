@@ -18,3 +18,11 @@ def test_ids_that_somebody_invents_cost_little():
     ]
     assert sum(new) <= 2 + 100 * 0.1 + 1
     assert len(stations._heard_ns) <= MAX_STATIONS
+
+
+def test_a_station_that_stays_is_not_forgotten_among_invented_ones():
+    stations = GroundStations()
+    assert stations.is_newcomer(0, (255, 190))
+    for second in range(1, 3 * MAX_STATIONS):
+        stations.is_newcomer(second * SECOND_NS, (1 + second // 256, second % 256))
+        assert not stations.is_newcomer(second * SECOND_NS, (255, 190))
