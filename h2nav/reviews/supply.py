@@ -28,6 +28,7 @@ LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
 MIN_CELL_V, MIN_CELLS = 2.5, 2
 # Where limits are set: 3.3 to 3.7 V a cell.
 LIMIT_CELL_V = 3.5
+FULL_QUANTILE = 0.9
 CARRIES_SHARE, RESTS_SHARE, RISES_SHARE, MIN_ROWS = 0.35, 0.12, 0.02, 10
 # No vehicle moves this far between two values of a barometer in close succession.
 JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
@@ -97,14 +98,18 @@ def _wrong_sensor(context: Context) -> str:
     volts = battery.voltage_v[armed & np.isfinite(battery.voltage_v)]
     if len(volts) < MIN_ROWS:
         return ""
-    if float(np.median(volts)) < MIN_CELLS * MIN_CELL_V:
-        return f"{np.median(volts):.1f} V is no battery"
+    # One that was full, and sinks, is empty.
+    full_v = float(np.quantile(volts, FULL_QUANTILE))
+    if full_v < MIN_CELLS * MIN_CELL_V:
+        return f"{full_v:.1f} V is no battery"
     cells = _cells(context)
-    if cells and float(np.median(volts)) < cells * MIN_CELL_V:
-        return f"{np.median(volts):.1f} V for {cells} cells, by the limit that was set"
+    if cells and full_v < cells * MIN_CELL_V:
+        return f"{full_v:.1f} V for {cells} cells, by the limit that was set"
     driven = driven_at(context, battery.t_s)
     known = armed & np.isfinite(battery.voltage_v)
     carries, rests = known & (driven > CARRIES_SHARE), known & (driven < RESTS_SHARE)
+    # It is compared with what it was before, not with what a flight left of it.
+    rests &= np.cumsum(carries) == 0
     if min(carries.sum(), rests.sum()) < MIN_ROWS:
         return ""
     loaded, idle = (float(np.median(battery.voltage_v[rows])) for rows in (carries, rests))
