@@ -24,6 +24,8 @@ SIDE, BESIDE = 15, 3
 STEP_M, STEP_ALONE_M = 8.0, 25.0
 # A drift: against altitude and velocity of the receiver, beyond the weather and both errors.
 DRIFT_M, DRIFT_S, SPREAD_SHARE = 25.0, 10.0, 0.5
+# The same within this time, in which a receiver's errors hardly change: 5 m on real flights.
+RUN_M, RUN_S, RUN_SIDE_S, BEGUN_SHARE = 10.0, 40.0, 3.0, 0.15
 MIN_SATELLITES = 6
 # An estimate of height that is wrong while barometer and receiver agree, or force shakes it.
 LOST_M, LOST_S, LOST_RATE_M_S = 5.0, 1.0, 3.0
@@ -78,7 +80,7 @@ def detect_heights(known: Heights, context: Context, lifted: Sequence[Span]) -> 
         lifted: while it was off the ground; an estimate on the ground flies nothing.
     """
     flying = within(known.t_s, context.armed)
-    wrong = _stepped(known, flying) or _drifted(known, flying)
+    wrong = _stepped(known, flying) or _drifted(known, flying) or _ran_away(known, flying)
     # The level is that of the first seconds: nothing is lost in them.
     later = [span._replace(from_s=span.from_s + LEVELLED_S) for span in lifted]
     return wrong or _lost(known, flying, within(known.t_s, later))
@@ -160,6 +162,49 @@ def _drifted(known: Heights, flying: Mask) -> list[Finding]:
                 )
             ]
     return []
+
+
+def _ran_away(known: Heights, flying: Mask) -> list[Finding]:
+    """A barometer whose height changes where receiver and its velocity show that none does."""
+    by_altitude = _change(known.barometer_m - known.altitude_m)
+    by_velocity = _change(known.barometer_m - known.moved_m)
+    length = round(RUN_S / GRID_S)
+    flown = np.cumsum(np.concatenate(([0], flying)))
+    throughout = np.zeros(len(flying), dtype=bool)
+    throughout[: len(by_altitude)] = flown[length:][: len(by_altitude)] - flown[:-length] == length
+    with np.errstate(invalid="ignore"):
+        alike = np.abs(by_altitude - by_velocity) < SPREAD_SHARE * np.abs(by_altitude)
+        least = np.minimum(np.abs(by_altitude), np.abs(by_velocity))
+        runs_away = (least > RUN_M) & alike & throughout[: len(least)]
+    if not runs_away.any():
+        return []
+    places = np.flatnonzero(runs_away)
+    place = int(places[np.argmax(least[places])])
+    size = float(by_altitude[place])
+    apart = (known.barometer_m - known.altitude_m)[place : place + length]
+    begun = np.abs(apart - np.nanmedian(apart[: round(RUN_SIDE_S / GRID_S)])) > BEGUN_SHARE * abs(
+        size
+    )
+    from_s = float(known.t_s[place + int(np.flatnonzero(~begun)[-1])])
+    return [
+        _barometer(
+            from_s,
+            float(known.t_s[places[-1]]) + RUN_S,
+            abs(size),
+            f"the barometer drifted by {size:+.0f} m from {from_s:.0f} s on",
+            f"within {RUN_S:.0f} s, in which neither the GPS altitude nor its velocity shows that",
+        )
+    ]
+
+
+def _change(apart: Array) -> Array:
+    """(M,) change from the beginning to the end of each window, by medians; NaN where unknown."""
+    side, length = round(RUN_SIDE_S / GRID_S), round(RUN_S / GRID_S)
+    if len(apart) < length:
+        return np.full(0, np.nan)
+    middles = np.median(sliding_window_view(apart, side), axis=1)
+    found: Array = middles[length - side :] - middles[: len(middles) - length + side]
+    return found
 
 
 def _levelled(apart: Array, flying: Mask) -> Array:

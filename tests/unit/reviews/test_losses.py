@@ -130,6 +130,7 @@ def test_a_weak_battery_accuses_no_motor():
             Said(52.0, Severity.CRITICAL, "Potential Thrust Loss (3)"),
             Said(60.0, Severity.WARNING, "Battery 1 is low 9.20V used 505 mAh"),
         ),
+        "gps": (),
         "parameters": {"BATT_LOW_VOLT": 10.5},
     }
     found, text = told(flown(climb, height, **changes))
