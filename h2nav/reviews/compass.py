@@ -337,7 +337,9 @@ def _steps(
         if piece is usual or size < least:
             continue
         x, y, z = change * MG_PER_UT
-        flew = all(_in_flight(rows, cut) for cut in cuts if from_s <= cut <= to_s)
+        # What came in flight is no ground's, wherever it ended.
+        came_s = from_s if from_s in cuts else to_s
+        flew = _in_flight(rows, came_s)
         why = "a magnet, a motor or a wire" if flew else "the ground that it stood on, or motors"
         is_shown = _is_shown(piece, usual, least)
         doubt = "" if is_shown else ", or our heading: strength and dip stayed"

@@ -79,7 +79,7 @@ PHRASES = (
     _Phrase(Kind.SAID_GPS_GLITCH, r"GPS glitch|GPS.* unhealthy|position glitch", "GPS glitch"),
     _Phrase(
         Kind.SAID_COMPASS,
-        r"compass.*(inconsist|unhealthy|anomaly|error)|mag.* anomaly|bad compass"
+        r"(?<!glitch or )compass.*(inconsist|unhealthy|anomaly|error)|mag.* anomaly|bad compass"
         r"|magnetic interference|compass not healthy",
         "compass not trusted",
     ),

@@ -156,14 +156,16 @@ def _force(rest: Rest, imu: Sensor) -> list[Finding]:
     if abs(apart) < FORCE_M_S2:
         return []
     is_scale = abs(apart) > SCALE_SHARE * GRAVITY_M_S2
+    # It may have come in flight, in a hover as calm as rest.
+    times = rest.t_s[np.abs(norms - norm) < FORCE_M_S2]
     share = apart / GRAVITY_M_S2
     return [
         Finding(
             Kind.ACCELEROMETER_SCALE if is_scale else Kind.ACCELEROMETER_BIAS,
             imu,
             Severity.ERROR if is_scale else Severity.WARNING,
-            float(rest.t_s[0]),
-            float(rest.t_s[-1] + REST_WINDOW_S),
+            float(times[0]),
+            float(times[-1] + REST_WINDOW_S),
             1e3 * abs(share) if is_scale else abs(apart),
             "mg" if is_scale else "m/s^2",
             f"accelerometer shows {norm:.2f} m/s^2 at rest",

@@ -50,7 +50,7 @@ KINDS = (
             "The position jumped where its velocity says that nothing moved so far.",
             words.RECEIVER,
         ),
-        phrase="the GPS position jumped",
+        phrase=lambda one: f"the GPS position jumped by {one.size:.0f} {one.unit}",
         section="gps",
         shown_by="the fixes while armed",
         limit="10 m; 1 s; 6; 1 m/s",
