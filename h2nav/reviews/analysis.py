@@ -8,12 +8,13 @@ import numpy as np
 from h2nav.airframes.features import FlightRow
 from h2nav.airframes.trend import Departure
 from h2nav.integrity.findings import Finding, Kind, Severity
+from h2nav.maths.units import DEG
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import judged
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact
-from h2nav.reviews.inertial import STEADY_HZ
+from h2nav.reviews.inertial import STEADY_HZ, means
 from h2nav.reviews.receiver import delay_of
 from h2nav.reviews.receiver_fit import fits
 from h2nav.reviews.standstill import Rest, bias_at_rest
@@ -31,6 +32,8 @@ from h2nav.reviews.tracks import (
 
 # Jumps of a sensor that the checks in flight decide by the attitude.
 STEPS = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
+# Two sensors of a kind are compared over this time before a step and after it.
+BESIDE_S, BESIDE_GAP_S, BESIDE_SHARE = 4.0, 0.5, 0.5
 
 
 class Analysis(NamedTuple):
@@ -128,10 +131,32 @@ def _of_our_own_error(evidence: FlightEvidence, shown: tuple[Finding, ...]) -> l
 
 
 def _of_slow_samples(evidence: FlightEvidence) -> list[Finding]:
-    """Steps of a sensor, shown by an attitude that samples this seldom lead astray."""
+    """Steps of a sensor, shown by an attitude that samples this seldom lead astray.
+
+    Not those that another sensor of the kind shows, which needs no attitude.
+    """
     if evidence.of(parts.rate_hz) >= STEADY_HZ:
         return []
-    return [one for one in evidence.flight.findings if one.kind in STEPS]
+    steps = (one for one in evidence.flight.findings if one.kind in STEPS)
+    return [one for one in steps if not _is_beside(evidence, one)]
+
+
+def _is_beside(evidence: FlightEvidence, one: Finding) -> bool:
+    """Whether its mean left that of another IMU by most of what is said, in its first seconds."""
+    tracks = {track.imu + 1: track for track in evidence.of(parts.sampled)}
+    own = tracks.get(one.sensor.number or 0)
+    if own is None or len(tracks) < 2:
+        return False
+    column, unit = ("w_b", DEG) if one.kind is Kind.GYRO_BIAS_STEP else ("f_b", 1.0)
+    edges = one.from_s + np.array([-BESIDE_S, -BESIDE_GAP_S, BESIDE_GAP_S, BESIDE_S])
+    for other in (track for track in tracks.values() if track is not own):
+        before, _, after = (
+            means(own.t_s, getattr(own, column).astype(float), edges)
+            - means(other.t_s, getattr(other, column).astype(float), edges)
+        ) / unit
+        if np.linalg.norm(after - before) > BESIDE_SHARE * one.size:
+            return True
+    return False
 
 
 def _is_guess(one: Finding) -> bool:

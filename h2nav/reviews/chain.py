@@ -18,6 +18,7 @@ from h2nav.reviews.declared import Trait
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.gathering import all_findings
 from h2nav.reviews.subjects import KINDS
+from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
 
 # Autopilots detect a crash within 2 s, their estimators fail a little later.
 AFTER_IMPACT_S = 10.0
@@ -25,7 +26,7 @@ AFTER_IMPACT_S = 10.0
 CONTROL_LEADS_S, SENSOR_LEADS_S = 12.0, 20.0
 SLACK_S = 0.5
 # A vehicle that tumbles, or lies there, shows nothing of its sensors.
-UPSETS = (Kind.CRASH, Kind.MOTOR_FAILED, Kind.LOSS_OF_CONTROL)
+UPSETS = (Kind.CRASH, MOTORS_STOPPED, Kind.MOTOR_FAILED, Kind.LOSS_OF_CONTROL)
 MEASURING = (
     SensorKind.IMU,
     SensorKind.GYRO,
@@ -48,7 +49,7 @@ def chain(flight: Flight, analysis: Analysis) -> Chain:
     """Links causes and consequences."""
     found = list(all_findings(flight, analysis))
     crashes = sorted((one for one in found if one.kind is Kind.CRASH), key=lambda one: one.from_s)
-    linked = [_linked(one, found, crashes) for one in found]
+    linked = _acyclic([_linked(one, found, crashes) for one in found])
     own = frozenset(one.id for one in linked if _is_own(one, linked, analysis))
     biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
     upset = {one.id for one in found if one.kind in UPSETS}
@@ -76,6 +77,19 @@ def _order(one: Finding) -> tuple[object, ...]:
 def _linked(one: Finding, found: list[Finding], crashes: list[Finding]) -> Finding:
     cause = _cause(one, found, crashes)
     return one if cause is None or cause.id == one.id else one._replace(cause=cause.id)
+
+
+def _acyclic(linked: list[Finding]) -> list[Finding]:
+    """What began first has no cause among its own consequences."""
+    by_id = {one.id: one for one in linked}
+    for one in sorted(linked, key=lambda one: (one.from_s, one.severity)):
+        seen, cause = {one.id}, by_id.get(one.cause or "")
+        while cause is not None and cause.id not in seen:
+            seen.add(cause.id)
+            cause = by_id.get(cause.cause or "")
+        if cause is not None and cause.id == one.id:
+            by_id[one.id] = by_id[one.id]._replace(cause=None)
+    return [by_id[one.id] for one in linked]
 
 
 def _cause(one: Finding, found: list[Finding], crashes: list[Finding]) -> Finding | None:
@@ -107,7 +121,7 @@ def _upset(one: Finding, found: list[Finding], crashes: list[Finding]) -> Findin
     """Whether it began between a motor failure or loss of control and the crash."""
     if Trait.UPSET not in KINDS[one.kind].traits:
         return None
-    for kind in (Kind.MOTOR_FAILED, Kind.LOSS_OF_CONTROL):
+    for kind in UPSETS[1:]:
         for other in found:
             ends = [crash.to_s for crash in crashes if crash.from_s >= other.from_s]
             until_s = min(ends, default=other.to_s) + AFTER_IMPACT_S

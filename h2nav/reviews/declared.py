@@ -20,6 +20,8 @@ Value = TypeVar("Value")
 
 # A failure this shortly before a loss of control or a crash caused it; a motor sooner.
 LEADS_S, MOTOR_LEADS_S = 12.0, 5.0
+# Without an estimate it is landed blindly, at 1 m/s and less.
+BLIND_LEADS_S = 30.0
 # A vehicle whose height is wrong climbs before it falls.
 HEIGHT_LEADS_S = 60.0
 # The sensors' failures that can do so, most certain first.

@@ -8,6 +8,7 @@ from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, S
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
+from h2nav.reviews.falls import until_down
 from h2nav.reviews.force_steps import detect_force_steps
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
 from h2nav.reviews.inertial import STEADY_HZ, Attitudes, Mask, best_attitude, slowed
@@ -34,7 +35,7 @@ LIFTED_M, MIN_HEIGHTS = 1.5, 10
 # Within this time, in which a barometer that warms up drifts by tenths (MS5611: .5 m in minutes).
 LIFTED_WITHIN_S = 60.0
 # A log ends in flight if it moves as nothing on the ground does, this long before.
-ENDS_S = 1.0
+ENDS_S, HIGH_M = 1.0, 3.0
 # Filters smear an impact over the values just before it.
 JUST_BEFORE_S = 0.3
 
@@ -62,12 +63,17 @@ def paused(evidence: FlightEvidence) -> tuple[Span, ...]:
     return pauses(evidence.flight.context) if evidence.of(is_own_log) else ()
 
 
-def recorded(evidence: FlightEvidence) -> Context:
-    """The recording; it is not armed where nothing was logged, nor without times."""
-    context = evidence.flight.context
+def logged_armed(evidence: FlightEvidence) -> tuple[Span, ...]:
+    """While it was armed; not where nothing was logged, nor without times."""
     if not evidence.of(has_times):
-        return context._replace(armed=())
-    return context._replace(armed=without(context.armed, evidence.of(paused)))
+        return ()
+    return without(evidence.flight.context.armed, evidence.of(paused))
+
+
+def recorded(evidence: FlightEvidence) -> Context:
+    """The recording; armed, if it was disarmed in the air, until it has fallen."""
+    context = evidence.flight.context._replace(armed=evidence.of(logged_armed))
+    return context._replace(armed=until_down(context, evidence.of(soundest_as_recorded)))
 
 
 # --- samples ------------------------------------------------------------------------------------
@@ -108,6 +114,14 @@ def soundest(evidence: FlightEvidence) -> ImuTrack | None:
     return min(evidence.of(motion_tracks), key=wrong_s, default=None)
 
 
+def soundest_as_recorded(evidence: FlightEvidence) -> ImuTrack | None:
+    """The same with its vibration."""
+    track = evidence.of(soundest) if evidence.of(has_times) else None
+    return next(
+        (one for one in evidence.of(sampled) if track is not None and one.imu == track.imu), None
+    )
+
+
 def rests(evidence: FlightEvidence) -> dict[int, Rest]:
     """Windows at rest, by the number of the IMU, from 0."""
     context = evidence.of(recorded)
@@ -129,7 +143,7 @@ def best(evidence: FlightEvidence) -> Attitudes | None:
 
 def bins(evidence: FlightEvidence) -> Bins | None:
     """The soundest IMU in bins of a tenth of a second, as recorded."""
-    track = _soundest_as_recorded(evidence)
+    track = evidence.of(soundest_as_recorded)
     return None if track is None else binned(track, evidence.of(recorded))
 
 
@@ -145,7 +159,7 @@ def met(evidence: FlightEvidence) -> list[Contact]:
 
 def blows(evidence: FlightEvidence) -> tuple[Impact, ...]:
     """Crashes and hard landings, in order."""
-    track, binned_ = _soundest_as_recorded(evidence), evidence.of(bins)
+    track, binned_ = evidence.of(soundest_as_recorded), evidence.of(bins)
     if track is None or binned_ is None:
         return ()
     context = evidence.of(recorded)
@@ -208,14 +222,26 @@ def _stays(height: Series, span: Span) -> bool:
 
 
 def ends_aloft(evidence: FlightEvidence) -> bool:
-    """Whether it still moves as nothing on the ground does when the log ends, off the ground."""
-    found = evidence.of(bins)
+    """Whether it still flies when the log ends.
+
+    It moves as nothing on the ground does, or two heights say so: in calm air it keeps still.
+    """
+    found, context = evidence.of(bins), evidence.of(recorded)
     if found is None or not len(found.t_s):
         return False
     last = found.t_s > evidence.flight.context.duration_s - ENDS_S
-    flies = in_flight(found, evidence.of(recorded), ())[last]
+    flies = in_flight(found, context, ())[last]
     spans = evidence.of(lifted)
-    return bool(flies.any()) and bool(spans) and spans[-1].to_s >= found.t_s[-1] - ENDS_S
+    is_off = bool(spans) and spans[-1].to_s >= found.t_s[-1] - ENDS_S
+    heights = (context.baro_height_m, context.height_m)
+    return is_off and (bool(flies.any()) or all(map(_ends_high, heights)))
+
+
+def _ends_high(height: Series | None) -> bool:
+    """Whether a height ends metres above where it began."""
+    known = np.zeros(0) if height is None else height.values[np.isfinite(height.values)]
+    few = known[:MIN_HEIGHTS], known[-MIN_HEIGHTS:]
+    return len(known) > 2 * MIN_HEIGHTS and float(np.median(few[1]) - np.median(few[0])) > HIGH_M
 
 
 def crashes(evidence: FlightEvidence) -> list[Impact]:
@@ -248,7 +274,7 @@ def in_order(evidence: FlightEvidence) -> Context:
 
 def dead_rows(evidence: FlightEvidence) -> tuple[CompassRows, ...]:
     """Compasses that logged a single value throughout."""
-    return dead_compasses(evidence.of(recorded)) if evidence.of(has_times) else ()
+    return dead_compasses(evidence.flight.context) if evidence.of(has_times) else ()
 
 
 def biases(evidence: FlightEvidence) -> tuple[tuple[Bias, ...], list[Finding]]:
@@ -296,13 +322,6 @@ def is_reported(evidence: FlightEvidence, kind: Kind, imu: int) -> bool:
     """Whether a check in flight has said it of an IMU, from 0."""
     sensor = Sensor(SensorKind.IMU, imu + 1)
     return any(f.kind is kind and f.sensor == sensor for f in evidence.flight.findings)
-
-
-def _soundest_as_recorded(evidence: FlightEvidence) -> ImuTrack | None:
-    track = evidence.of(soundest) if evidence.of(has_times) else None
-    return next(
-        (one for one in evidence.of(sampled) if track is not None and one.imu == track.imu), None
-    )
 
 
 def _without_field(track: ImuTrack) -> ImuTrack:

@@ -12,11 +12,13 @@ from h2nav.recordings.context import Context
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.declared import Trait
+from h2nav.reviews.evidence import HIGH_M
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
 from h2nav.reviews.motors import LIMIT_SHARE
 from h2nav.reviews.subjects import KINDS, impacts
+from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
 # Findings this close to a time belong to it.
@@ -38,7 +40,7 @@ ON_THE_GROUND = (
     mavlink.MAV_TYPE_SURFACE_BOAT,
     mavlink.MAV_TYPE_SUBMARINE,
 )
-HEIGHT_S, HIGH_M, SINKS_M_S, MIN_HEIGHTS = 1.0, 3.0, 2.0, 10
+HEIGHT_S, SINKS_M_S, MIN_HEIGHTS = 1.0, 2.0, 10
 # A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
 # A slower touchdown is no part of the sentence.
@@ -140,6 +142,8 @@ def _crash(context: Context, analysis: Analysis, crash: Finding, found: list[Fin
             if one.kind is Kind.MOTOR_FAILED and root.from_s < one.from_s < crash.from_s
         ]
         begin = ", then ".join([begin, *(f"{_phrase(one)} at {one.from_s:.0f} s" for one in more)])
+    if root.kind == MOTORS_STOPPED:
+        chained = chained[:1]  # what nothing carries cannot be controlled
     between = [
         "control was lost" if one.kind is Kind.LOSS_OF_CONTROL else _phrase(one)
         for one in chained[1:]
@@ -295,7 +299,9 @@ def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind:
     begin = "Nothing was found wrong"
     if is_blind:
         begin += " in what could be looked at"
-    return f"{begin}.{ending} Looked at: {', '.join(looked)}."
+    # Where it ends in the air, that is what there is to know.
+    begin = f"{ending.strip()} {begin} until then." if ending else f"{begin}."
+    return f"{begin} Looked at: {', '.join(looked)}."
 
 
 def _lacking(one: Finding, found: list[Finding]) -> str:
@@ -333,6 +339,7 @@ def _phrase(one: Finding) -> str:
     if one.sensor.kind is SensorKind.MOTOR and one.sensor.others:
         alone = f"motor {one.sensor.number}"
         said = said.replace(f"{alone} was", f"{alone} were")
+        said = said.replace(f"{alone} at its", f"{alone} at their")
         said = said.replace(alone, _motors(list(one.sensor.numbers)))
     return said
 

@@ -5,6 +5,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.control import detect_control
 from h2nav.reviews.declared import (
+    BLIND_LEADS_S,
     FAILED_SENSORS,
     HEIGHT_LEADS_S,
     LEADS_S,
@@ -16,6 +17,10 @@ from h2nav.reviews.declared import (
 )
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
+from h2nav.reviews.subjects.oscillation import OSCILLATION
+from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
+from h2nav.reviews.subjects.struck import STRUCK
 
 KINDS = (
     Declared(
@@ -30,11 +35,15 @@ KINDS = (
         section="attitude",
         follows=(Kind.GYRO_BIAS,),
         brought=(
+            Brought(MOTORS_STOPPED, LEADS_S),
+            Brought(STRUCK, LEADS_S),
             Brought(Kind.MOTOR_FAILED, MOTOR_LEADS_S),
             *(Brought(kind, LEADS_S) for kind in FAILED_SENSORS),
             Brought(Kind.MOTOR_SATURATED, MOTOR_LEADS_S),
-            Brought(Kind.SAID_EKF_FAILED, LEADS_S),
+            Brought(Kind.SAID_EKF_FAILED, BLIND_LEADS_S),
             Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
+            Brought(FLOWN_INTO_GROUND, LEADS_S),
+            Brought(OSCILLATION, LEADS_S),
         ),
         shown_by=(
             "the autopilot's attitude against its demand while it flies and turns; without a "

@@ -4,6 +4,7 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import (
+    BLIND_LEADS_S,
     FAILED_SENSORS,
     HEIGHT_LEADS_S,
     LEADS_S,
@@ -17,7 +18,9 @@ from h2nav.reviews.declared import (
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import detect_crash_checks, detect_impacts
 from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
+from h2nav.reviews.subjects.struck import STRUCK
 
 KINDS = (
     Declared(
@@ -31,9 +34,11 @@ KINDS = (
         ),
         section="attitude",
         brought=(
+            Brought(MOTORS_STOPPED, LEADS_S),
+            Brought(STRUCK, LEADS_S),
             *(Brought(kind, LEADS_S) for kind in (Kind.MOTOR_FAILED, *FAILED_SENSORS)),
             Brought(Kind.MOTOR_SATURATED, MOTOR_LEADS_S),
-            Brought(Kind.SAID_EKF_FAILED, LEADS_S),
+            Brought(Kind.SAID_EKF_FAILED, BLIND_LEADS_S),
             Brought(Kind.BATTERY, LEADS_S),
             Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
             Brought(FLOWN_INTO_GROUND, LEADS_S),

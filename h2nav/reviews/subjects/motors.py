@@ -16,6 +16,7 @@ from h2nav.reviews.declared import (
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.motors import detect_motors
 from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects.struck import STRUCK
 
 KINDS = (
     Declared(
@@ -27,6 +28,8 @@ KINDS = (
             "A motor gave no thrust although thrust was demanded.",
             words.MOTOR,
         ),
+        # A propeller that struck something.
+        brought=(Brought(STRUCK, LEADS_S),),
         traits=Trait.EACH,
         shown_by=(
             "an output that is reassigned in flight; ArduPilot's thrust loss check; one motor at "
@@ -69,6 +72,7 @@ KINDS = (
         brought=(
             Brought(Kind.BATTERY, LEADS_S),
             Brought(HEIGHT_LOST, HEIGHT_LEADS_S),
+            Brought(STRUCK, LEADS_S),
         ),
         follows=(Kind.GYRO_BIAS,),
         traits=Trait.UPSET,

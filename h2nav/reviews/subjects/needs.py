@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence, Need
 from h2nav.reviews.supply import BATTERY, reported
@@ -32,6 +33,12 @@ def flight(evidence: FlightEvidence) -> str:
     if why := armed(evidence):
         return why
     return "" if evidence.of(parts.flown) else "it did not fly"
+
+
+def hovers(evidence: FlightEvidence) -> str:
+    """A vehicle that only its motors carry."""
+    is_so = evidence.of(parts.recorded).vehicle_type in MULTIROTORS
+    return "" if is_so else "no multirotor"
 
 
 def motors(evidence: FlightEvidence) -> str:

@@ -4,10 +4,11 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import FlightKind, Meaning
-from h2nav.recordings.context import Context
+from h2nav.recordings.context import Array, Context
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.impacts import Bins, Impact
+from h2nav.reviews.inertial import Mask
 from h2nav.reviews.subjects import needs
 
 FLOWN_INTO_GROUND = FlightKind("flown_into_ground")
@@ -15,6 +16,11 @@ FLOWN_INTO_GROUND = FlightKind("flown_into_ground")
 BY_HAND = frozenset(
     {"ACRO", "DRIFT", "FLIP", "MANUAL", "RATTITUDE", "STAB", "STABILIZE", "STABILIZED"}
 )
+# Modes in which the throttle stick asks for a climb rate: nothing about its middle.
+BY_CLIMB_RATE = frozenset(
+    {"ALT_HOLD", "ALTCTL", "FLOWHOLD", "LOITER", "POSCTL", "POSHOLD", "POSITION", "SPORT"}
+)
+STICK_LOW, STICK_LOW_BY_RATE = 0.2, 0.4
 # A descent at this share of the usual output or less is demanded, not suffered.
 LOW_SHARE = 0.7
 # Of a descent that ends at this speed: as long as a fall to it takes, at the least.
@@ -33,9 +39,10 @@ KINDS = (
         ),
         phrase="flown into the ground by the pilot's demand",
         section="attitude",
-        shown_by="a crash after a descent in a mode whose throttle is the pilot's, with the "
-        "motors far below their usual output all the way",
-        limit="70 % of the usual output",
+        shown_by="a crash after a descent with the throttle stick down all the way; in a mode "
+        "whose throttle is the pilot's also with the motors far below their usual output",
+        limit="20 % of the stick's travel, 40 % where its middle holds the height; 70 % of the "
+        "usual output",
     ),
 )
 
@@ -51,10 +58,14 @@ def look(evidence: FlightEvidence) -> list[Finding]:
 
 def _commanded(crash: Impact, bins: Bins, context: Context) -> Finding | None:
     mode = next((m for m in reversed(context.modes) if m.from_s <= crash.t_s), None)
-    if mode is None or mode.name.upper() not in BY_HAND:
+    if mode is None or mode.name.upper() not in BY_HAND | BY_CLIMB_RATE:
         return None
     flown = bins.driven[(bins.t_s < crash.t_s) & (bins.driven > bins.flying)]
-    low = bins.driven < LOW_SHARE * float(np.median(flown)) if len(flown) else bins.driven < 0.0
+    if not len(flown):
+        return None
+    low = _sticks_low(context, mode.name, bins.t_s)
+    if mode.name.upper() in BY_HAND:
+        low |= bins.driven < LOW_SHARE * float(np.median(flown))
     before = np.flatnonzero((bins.t_s <= crash.t_s - parts.JUST_BEFORE_S) & ~low)
     from_s = float(bins.t_s[before[-1]]) if len(before) else float(bins.t_s[0])
     from_s = max(from_s, mode.from_s, crash.t_s - LONGEST_S)
@@ -75,6 +86,20 @@ def _commanded(crash: Impact, bins: Bins, context: Context) -> Finding | None:
         f"{mode.name}: for {lasted:.1f} s the motors were asked for {share:.0%} of their range, "
         f"usual in this flight was {usual:.0%}{_sticks(context, from_s, crash.t_s)}",
     )
+
+
+def _sticks_low(context: Context, mode: str, t_s: Array) -> Mask:
+    """(N,) whether the throttle stick asks for a descent; nowhere if it was not recorded."""
+    sticks = context.sticks
+    if sticks is None or len(sticks.t_s) < 2:
+        return np.zeros(len(t_s), dtype=bool)
+    known = np.isfinite(sticks.throttle)
+    if not known.any():
+        return np.zeros(len(t_s), dtype=bool)
+    at = np.interp(t_s, sticks.t_s[known], sticks.throttle[known])
+    most = STICK_LOW if mode.upper() in BY_HAND else STICK_LOW_BY_RATE
+    found: Mask = at < most
+    return found
 
 
 def _sticks(context: Context, from_s: float, to_s: float) -> str:

@@ -1,0 +1,144 @@
+"""Flights that are lost in a simulation, as logs: the first sentence says what a pilot would say.
+
+Each goes the whole way, from the bytes of a log with the default LOG_BITMASK (25 samples a second).
+"""
+
+import functools
+import math
+import re
+
+import numpy as np
+import pytest
+from lost_copter import Copter, Flown, Sticks
+from lost_flights import log_of
+
+from h2nav.apps.playback import PlaybackOptions
+from h2nav.apps.reviewing import review
+from h2nav.recordings.opening import open_flight
+from h2nav.reviews.chain import chain
+from h2nav.reviews.verdict import verdict
+
+# Until then it hovers soundly, 8 or 20 m up.
+AT_S = 18.0
+LOW_M, HIGH_M = 8.0, 20.0
+
+
+def prepared(copter: Copter, t_s: float, height_m: float) -> bool:
+    """Arms, climbs and hovers; whether it is the scenario's turn."""
+    if 2.0 <= t_s < 3.0 and not copter.armed:
+        copter.arm()
+    is_climbing = 3.0 <= t_s < 3.0 + height_m / 2.4
+    copter.sticks = Sticks(throttle=0.95 if is_climbing else 0.5 if t_s > 3.0 else 0.0)
+    if 3.0 + height_m / 2.4 < t_s < AT_S - 3.0:
+        copter.sticks = Sticks(0.25 * math.sin(0.9 * t_s), -0.3 * math.sin(0.7 * t_s))
+    return t_s > AT_S
+
+
+# --- what is done to it -------------------------------------------------------------------------
+
+
+def disarmed(copter: Copter, t_s: float) -> None:
+    """A switch on the transmitter."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.disarm(2)
+
+
+def outputs_off(copter: Copter, t_s: float) -> None:
+    """A motor interlock, or a landing that was none: armed, without outputs."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.stopped = True
+
+
+def propeller_slips(copter: Copter, t_s: float) -> None:
+    """Motor 2 loses its thrust for parts of a second, and comes back: an ESC that loses step."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.effective[1] = 0.0 if (t_s - AT_S) % 3.0 < 0.5 + 0.12 * (t_s - AT_S) else 1.0
+
+
+def battery_empties(copter: Copter, t_s: float) -> None:
+    """Without a failsafe, until the motors lack thrust."""
+    copter.sag_ohm = 0.03
+    if prepared(copter, t_s, HIGH_M):
+        copter.pack_v = max(12.6 - 0.55 * (t_s - AT_S), 6.8)
+
+
+def into_a_tree(copter: Copter, t_s: float) -> None:
+    """The pilot flies forward, and something stands there."""
+    if prepared(copter, t_s, LOW_M):
+        copter.sticks = Sticks(pitch=-0.8)
+        if copter.obstacle is None:
+            ahead = copter.R[:, 0] * np.array((1.0, 1.0, 0.0))
+            copter.obstacle = (ahead, float(ahead @ copter.p) + 20.0)
+
+
+def stick_down(copter: Copter, t_s: float) -> None:
+    """ALT_HOLD, throttle stick down, nose down: it does what is asked."""
+    if prepared(copter, t_s, LOW_M):
+        copter.set_mode("ALT_HOLD")
+        copter.sticks = Sticks(pitch=-1.0, throttle=0.0)
+
+
+def gyro_off(copter: Copter, t_s: float) -> None:
+    """Gyro 1 of two, by 25 deg/s about the roll axis."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.gyro_offset = np.radians((25.0, 0.0, 0.0))
+
+
+def barometer_drifts(copter: Copter, t_s: float) -> None:
+    """It sinks to the ground while it believes that it climbs."""
+    if prepared(copter, t_s, LOW_M):
+        copter.baro_offset_m = min(0.6 * (t_s - AT_S), 16.0)
+
+
+def compasses_turn(copter: Copter, t_s: float) -> None:
+    """Both, by 75 deg: it circles, and meets a wall."""
+    if prepared(copter, t_s, LOW_M):
+        copter.compass_turn_rad = math.radians(75.0)
+        if copter.obstacle is None:
+            east = np.array((0.0, 1.0, 0.0))
+            copter.obstacle = (east, float(east @ copter.p) + 12.0)
+
+
+def gains_too_low(copter: Copter, t_s: float) -> None:
+    """It swings more and more."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.gain = max(0.93 ** (t_s - AT_S), 0.12)
+
+
+def power_fails(copter: Copter, t_s: float) -> None:
+    """The whole vehicle's: the log ends."""
+    prepared(copter, t_s, HIGH_M)
+
+
+@functools.cache
+def flown(script, end_s: float) -> Flown:
+    return Copter().fly(end_s, script)
+
+
+def sentence(tmp_path, script, end_s: float, **log) -> str:
+    path = tmp_path / "lost.BIN"
+    path.write_bytes(log_of(flown(script, end_s), **log))
+    found = review(open_flight(path), PlaybackOptions())
+    return verdict(*found, chain(*found)).text
+
+
+STOPPED = r"All motors stopped in the air "
+LOST = (
+    (disarmed, 30.0, STOPPED + r"\(disarmed\) at 17 s, then it crashed at [12]\d s"),
+    (outputs_off, 30.0, STOPPED + r"\(all outputs .*\) at 17 s, then it crashed at [12]\d s"),
+    (propeller_slips, 40.0, r"Motor 2 gave no thrust at 17 s, .*then it crashed at"),
+    (battery_empties, 40.0, r"The battery was low \(\d\.\d V\) at 2\d s, .*then it crashed at"),
+    (into_a_tree, 32.0, r"It struck something at 2\d s, .*then it crashed at 2\d s"),
+    (stick_down, 28.0, r"Flown into the ground by the pilot's demand at 2\d s with \d m/s\."),
+    (gyro_off, 30.0, r"A gyro's bias jumped at 17 s, .*then it crashed"),
+    (barometer_drifts, 62.0, r"No crash\. The barometer drifted by \+1\d m from [12]\d s on"),
+    (compasses_turn, 50.0, r"Compasses 1 and 2 changed together at 17 s, .*then it crashed"),
+    (gains_too_low, 62.0, r"(Roll|Pitch) oscillated at \d\.\d Hz .*then it crashed at"),
+    (power_fails, AT_S, r"The log ends in the air, [12]\d m above where it began\."),
+)
+
+
+@pytest.mark.parametrize(("script", "end_s", "says"), LOST, ids=[one[0].__name__ for one in LOST])
+def test_the_first_sentence_says_what_began_it(tmp_path, script, end_s, says):
+    said = sentence(tmp_path, script, end_s)
+    assert re.match(says, said), said
