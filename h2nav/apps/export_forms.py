@@ -163,7 +163,7 @@ def velocity_aided_samples(rows_wanted: int = 232, seed: int = 1) -> list[veloci
         if number >= rows_wanted * 3 // 4:
             sample = _anything(velocity_aided.Sample, rng)
         else:
-            sample = velocity_aided.Sample(fix_variance=170000, fix_period_us=200000)
+            sample = velocity_aided.Sample(parts=1, fix_variance=170000, fix_period_us=200000)
             sample.gyro = [rng.randint(-1100000, 1100000) for _ in range(3)]
             for axis, (force, field) in enumerate(((0, 6400), (0, 0), (-(1 << 20), 11085))):
                 sample.accel[axis] = force + rng.randint(-20000, 20000)

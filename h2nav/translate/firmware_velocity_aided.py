@@ -6,7 +6,7 @@ from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.kernel_files import VELOCITY_AIDED_INTEGER
 from h2nav.attitude.record import row
 from h2nav.attitude.velocity_aided.integer import memory
-from h2nav.attitude.velocity_aided.integer.memory import GAP_US, Sample
+from h2nav.attitude.velocity_aided.integer.memory import GAP_US, MAX_PARTS, Sample
 from h2nav.attitude.velocity_aided.shell import LONGEST_GAP_US
 from h2nav.translate.firmware import IntegerForm, Row
 
@@ -93,6 +93,7 @@ def _ends(name: str) -> tuple[int, int]:
 _LIMITS = f"""\
 #define LONGEST_PART_US {MAX_DT_US}
 #define MISSING_US {GAP_US}
+#define MAX_PARTS {MAX_PARTS}
 #define MIN_FORCE ({_ends("accel")[0]})
 #define MAX_FORCE {_ends("accel")[1]}
 #define MAX_VELOCITY {_ends("fix_velocity_n")[1]}
@@ -134,6 +135,7 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
     }
     sample->has_mag = field ? 1 : 0;
     sample->is_held = 0;
+    sample->parts = 1;
     sample->gap_us = 0;
     /* what has no force at all is no measurement */
     sample->clipped = (force[0] | force[1] | force[2]) == 0;
@@ -205,6 +207,7 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
     int32_t carried = 0;
     sample->has_mag = 0;
     sample->has_fix = 0;
+    sample->parts = parts < MAX_PARTS ? parts : MAX_PARTS;
     sample->gap_us = time_us > MISSING_US ? time_us : 0;
     for (int32_t number = 1; number <= parts; number++) {
         /* what the shares lack is spread over the parts */
@@ -219,6 +222,7 @@ int32_t h2nav_step(h2nav_filter *filter, h2nav_sample *sample)
         bits |= update(filter, &GAINS, sample);
     }
     sample->is_held = 0;
+    sample->parts = 1;
     sample->gap_us = 0;
     sample->dt_us = time_us;
     return bits;
@@ -266,7 +270,10 @@ VELOCITY_AIDED: Final = IntegerForm(
     ),
     more_entries=("restart", "resume", "set_place"),
     # Found by trying: gcc's code for Cortex-M0 is smaller, and its longest step shorter.
-    called=("moved", "raise_tilt_sigma", "end_frame", "use_motion_gain", "disturbed", "drain"),
+    called=(
+        *("moved", "raise_tilt_sigma", "end_frame", "use_motion_gain", "disturbed", "drain"),
+        *("rates", "judge_rest", "coast"),
+    ),
     bits=_BITS,
     about=_ABOUT,
     prototypes=_PROTOTYPES,

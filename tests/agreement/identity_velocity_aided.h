@@ -23,6 +23,7 @@ static void still(h2nav_sample *sample, int32_t bits)
     sample->mag[1] = turned[1] + noise(6);
     sample->mag[2] = 11085 + noise(6);
     sample->dt_us = 10000;
+    sample->parts = 1;
     sample->fix_variance = 20000;
     sample->fix_period_us = 210000;
 }

@@ -6,7 +6,7 @@ from h2nav.attitude.record import assign, values
 from h2nav.attitude.velocity_aided.integer.kernel import place, start
 from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 
-_REST = values(Sample(dt_us=10000, fix_variance=20000, fix_period_us=210000), Sample)
+_REST = values(Sample(dt_us=10000, parts=1, fix_variance=20000, fix_period_us=210000), Sample)
 
 
 class VelocityAidedSamples:

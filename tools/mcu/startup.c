@@ -28,6 +28,21 @@ void print_hex(uint32_t value)
     print_text(text);
 }
 
+int32_t open_file(const char *name)
+{
+    uint32_t length = 0;
+    while (name[length] != 0)
+        length++;
+    const uint32_t arguments[3] = {(uint32_t)name, 1u /* to read bytes */, length};
+    return (int32_t)semihosting(0x01u, arguments);
+}
+
+uint32_t read_file(int32_t file, void *to, uint32_t size)
+{
+    const uint32_t arguments[3] = {(uint32_t)file, (uint32_t)to, size};
+    return size - semihosting(0x06u, arguments); /* which returns what is missing */
+}
+
 #define STACK_WORDS 1024u
 #define STACK_PATTERN 0x5aa5c33cu
 

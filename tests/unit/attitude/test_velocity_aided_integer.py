@@ -322,7 +322,7 @@ def test_the_jitter_of_the_force_is_that_of_the_floats(rate_hz: float, sigma: fl
         x, y, z = (force + rng.gauss(0.0, sigma) for force in sample.f_b)
         floats.update(sample._replace(f_b=(x, y, z)))
         integers.update(sample._replace(f_b=(x, y, z)))
-    found = integers.kernel_state.force_jitter * 2.0**-36 * GRAVITY_M_S2**2
+    found = integers.kernel_state.force_jitter * 2.0**-30 * GRAVITY_M_S2**2
     assert found == pytest.approx(floats.kernel_state.accel_jitter, rel=0.1)
 
 

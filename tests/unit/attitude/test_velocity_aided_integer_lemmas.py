@@ -163,7 +163,7 @@ def relaunched(rng: random.Random, memory: State, number: int) -> Sample:
 
 
 def _still(rng: random.Random, _state: State) -> Sample:
-    u = Sample(dt_us=10000, fix_variance=1, fix_period_us=1)
+    u = Sample(dt_us=10000, parts=1, fix_variance=1, fix_period_us=1)
     u.accel[2] = -(1 << 20)
     for i, field in enumerate((6400, 0, 11085)):
         u.mag[i] = field + rng.randint(-3, 3)

@@ -23,6 +23,7 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     FIELD_USED,
     GAP_MAX_US,
     GAP_US,
+    MAX_PARTS,
     Gains,
     Sample,
     State,
@@ -87,6 +88,7 @@ class IntegerVelocityAidedBatch:
         table["dt_us"] = gaps
         counts = np.maximum(-(-gaps // MAX_DT_US), 1)
         self._last = last = np.cumsum(counts) - 1
+        table["parts"] = np.minimum(counts, MAX_PARTS)
         table["gap_us"] = np.where(gaps > GAP_US, np.minimum(gaps, GAP_MAX_US), 0)
         if len(table) == last[-1] + 1:
             return table

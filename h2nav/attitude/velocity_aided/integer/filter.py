@@ -41,6 +41,7 @@ from h2nav.attitude.velocity_aided.integer.memory import (
     GAINED_MASK,
     GAP_MAX_US,
     GAP_US,
+    MAX_PARTS,
     THETA_MAX,
     TILT_SIGMA_MAX,
     VARIANCE_MIN,
@@ -81,7 +82,7 @@ ACCEPTED_US = 220_000  # more than the longest frame
 _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
 _FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
-_NOTHING = values(Sample(clipped=1, fix_variance=1, fix_period_us=1), Sample)
+_NOTHING = values(Sample(clipped=1, parts=1, fix_variance=1, fix_period_us=1), Sample)
 # shared fields that the deviation of the tilt depends on
 _TILT_ROWS = tuple(
     row(float_memory.State, name)
@@ -116,6 +117,7 @@ def fill_sample(u: Sample, sample: ImuSample, field_unit: float = FIELD_UNIT_UT)
     u.has_mag = int(has_mag)
     u.clipped = int(clipping(sample.f_b, sample.clipped))
     u.aided = u.has_fix = u.is_held = u.gap_us = 0
+    u.parts = 1
     u.fix_velocity_n = u.fix_velocity_e = u.fix_gained_n = u.fix_gained_e = 0
     u.fix_accel_n = u.fix_accel_e = 0
     u.fix_variance = u.fix_period_us = 1
@@ -142,6 +144,7 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         yield u
         return
     has_mag, has_fix = u.has_mag, u.has_fix
+    u.parts = min(steps, MAX_PARTS)
     for number in range(steps):
         is_last = number == steps - 1
         u.has_mag = has_mag if is_last else 0
@@ -151,6 +154,7 @@ def parts_of(u: Sample, dt_us: int) -> Iterator[Sample]:
         u.dt_us = (number + 1) * dt_us // steps - number * dt_us // steps
         yield u
     u.is_held = u.gap_us = 0
+    u.parts = 1
 
 
 class ForceNoise:

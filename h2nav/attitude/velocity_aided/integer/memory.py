@@ -49,11 +49,13 @@ TILT_SIGMA_MAX = 421439783  # 1.57 rad: nothing is known
 ACCELERATION_MAX = (1 << 26) - 1  # 4 g
 FORCE_MAX = 16 << 20
 AGE_MAX_US = 1 << 30
-FRAME_MAX_US = 240000
+FRAME_MAX_US = 249000  # as a time below a quarter of a second, Q17
 RATE_FREE = ((RATE_LIMIT + (BIAS_LIMIT >> BIAS_BITS)) >> 10) + 1  # in 1e6 2^-29 rad/s
 RATE_COARSE = (RATE_LIMIT >> 8) + 1  # 35 rad/s in 1e6 2^-31 rad/s
+RATE_IS_FINE = 2  # in `State.rate_shows`
 FORCE_COARSE = FORCE_MAX >> 12
-MAX_PARTS = 16  # that count of a sample's: it came 0.1 s or more after the one before
+MAX_PARTS = 8  # that count of a sample's: it came 0.1 s or more after the one before
+WEIGHED_MAX = 1 << 26  # of a squared second difference times the square of its parts
 LATENCY_MAX = 1 << 29  # 0.5 s
 GAINED_MASK = (1 << 28) - 1
 LOG_MAX = 10240
@@ -103,11 +105,9 @@ class State(SharedFields):
     frame_us: I32 = integer(0, FRAME_MAX_US, "us", "time of the frame so far")
     turning_sum: I32 = integer(0, 1 << 30, "", "mean squared rate of the frame so far")
     jitter_sum: I32 = integer(
-        0, 1 << 29, "", "mean squared second difference of the rate, of the frame so far"
+        0, FRAME * WEIGHED_MAX, "", "squared second differences of the rate, of the frame so far"
     )
-    force_sum: I32 = integer(0, 1 << 29, "", "the same of the force")
-    parts: I32 = integer(0, MAX_PARTS, "", "parts of the sample before")
-    parts_so_far: I32 = integer(0, MAX_PARTS, "", "parts of the one that is being taken, so far")
+    force_sum: I32 = integer(0, FRAME * WEIGHED_MAX, "", "the same of the force")
     gyro_last: list[I32] = integers(
         3, -RATE_COARSE, RATE_COARSE, "rad/us", "rate of the sample before", q=31
     )
@@ -118,7 +118,9 @@ class State(SharedFields):
         3, -2 * RATE_LIMIT - 512, 2 * RATE_LIMIT + 512, "rad/us", "rate over missing samples", q=40
     )
     saturations: I32 = integer(0, 1 << 30, "", "samples in which a limit was met; never wraps")
-    rate_moves: I32 = integer(0, 1, "", "1: the rate has changed in this frame")
+    rate_shows: I32 = integer(
+        0, 2, "", "1: the rate has changed in this frame; 2: by less than a step of MAVLink's, once"
+    )
     dtheta: list[I32] = integers(
         4, -THETA_MAX, THETA_MAX, "", "correction of theta that the frame has found", q=28
     )
@@ -153,7 +155,7 @@ class State(SharedFields):
     gain_set: I32 = integer(0, SETS - 1, "", "number of the gain set in use, 0 the weakest")
     turning: I32 = integer(0, LEVEL_MAX, "2e12 2^-58 (rad/s)^2", "mean square of the rate")
     force_jitter: I32 = integer(
-        0, LEVEL_MAX, "g^2 s", "noise of the force between its samples", q=36
+        0, LEVEL_MAX, "g^2 s", "noise of the force between its samples", q=30
     )
     gyro_jitter: I32 = integer(
         0, LEVEL_MAX, "rad^2/s", "noise of the rate that its samples do not resolve", q=36
@@ -403,6 +405,7 @@ class Sample:
     is_held: I32 = integer(
         0, 1, "", "1: a further part of a long sample, with rate and force of the part before"
     )
+    parts: I32 = integer(1, MAX_PARTS, "", "into how many the sample is divided")
     gap_us: I32 = integer(
         0,
         GAP_MAX_US,

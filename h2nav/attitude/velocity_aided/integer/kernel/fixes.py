@@ -31,7 +31,7 @@ from .velocity import Q24, density, level_share, raised, select_set, square_of
 
 LOG_SECOND = 5102  # log2 of 1e6
 SETTLED_US = 30000000  # ten times the start-up time
-Q36 = 36 << 8
+Q30 = 30 << 8
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
 MAX_EXPLAINED = 107374182  # 0.4 rad, Q28, per rejected fix, as in floats
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: rejected fixes that need so large a tilt error
@@ -123,7 +123,7 @@ def weigh_force(s: State, log_period: I32) -> None:
     s.accel_learns = 0
     if s.age_us > SETTLED_US:
         log_rate = logarithm(s.k_velocity_m | 1) - ((15 + s.k_velocity_s) << 8) - log_period
-        own = limited(power2(s.log_noise + log_period + 2 * log_rate + Q36), 1 << 29)
+        own = limited(power2(s.log_noise + log_period + 2 * log_rate + Q30), 1 << 29)
         s.accel_learns = ratio(own, own + 2 * s.force_jitter + 1)
 
 

@@ -58,7 +58,9 @@ from .theta import (
     weigh_gain,
 )
 from .tilt import ask_force, choose_rest, find_rest_gain, judge_rest
-from .velocity import choose_bounded, judge_bounded, level_share, raised, set_ease
+from .velocity import begin_sums, choose_bounded, judge_bounded, level_share, raised, set_ease
+
+COAST_US = 230000  # of a frame that clipped samples interrupt: one of a length that is not usual
 
 
 def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
@@ -73,6 +75,23 @@ def second_stage(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     if phase < 10:
         return use_motion(s, g, sample, r, phase)
     return use_field(s, g, r, phase)
+
+
+def coast(s: State, g: Gains, r: list[I32]) -> None:
+    """Propagates theta over clipped samples, which no part of a frame comes with.
+
+    Source: docs/filter.md Eq. (6), (7), (12).
+    """
+    if s.phase == 1:
+        predict_sensitivities(s, r)
+        if s.aided > 0:
+            predict_shared(s, g, r)
+        s.phase = 2
+    elif s.frame_us > COAST_US:
+        time_us = s.frame_us
+        begin_sums(s)
+        take_time(s, time_us)
+        predict_covariance(s, g, r)
 
 
 def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
@@ -283,8 +302,7 @@ def begin_frame(s: State, g: Gains, sample: Sample) -> None:
     Source: docs/fixed-point.md Eq. (20); docs/filter.md Eq. (8).
     """
     time_us = s.frame_us
-    # 2^17 / 1e6
-    s.frame_time = (time_us * 8590 + 32768) >> 16
+    take_time(s, time_us)
     share = level_share(s, g, time_us)
     s.turning = raised(s.turning, clamp(s.turning_sum, 0, LEVEL_MAX), share)
     close_jitter(s, g, share)
@@ -292,29 +310,31 @@ def begin_frame(s: State, g: Gains, sample: Sample) -> None:
     s.innovation_e = s.innovation_sum_e
     s.velocity_use = 1 - sample.aided
     s.frame_us = 0
-    s.field_silence_us = clamp(s.field_silence_us + time_us, 0, AGE_MAX_US)
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0
     set_ease(s, g)
 
 
+def take_time(s: State, time_us: I32) -> None:
+    """Sets the time of the frame that is over."""
+    # 2^17 / 1e6
+    s.frame_time = (time_us * 8590 + 32768) >> 16
+    s.field_silence_us = clamp(s.field_silence_us + time_us, 0, AGE_MAX_US)
+
+
 def close_jitter(s: State, g: Gains, share: I32) -> None:
     """Updates the levels of the noise between samples, of rate and force.
 
-    A sample in p parts comes p times less often in a frame, for a time p times as long.
-
     Source: docs/fixed-point.md Eq. (33); docs/filter.md Eq. (8).
     """
-    parts_2 = s.parts * s.parts
     density = product(limited(s.jitter_sum, 1 << 25) << 5, s.frame_time)
-    density = limited(product(density, g.jitter_share), 1 << 21) * parts_2
-    s.gyro_jitter = raised(s.gyro_jitter, limited(density, 1 << 21) << 8, share)
+    density = limited(product(density, g.jitter_share), 1 << 21) << 8
+    s.gyro_jitter = raised(s.gyro_jitter, density, share)
     s.jitter_sum = 0
-    # Q16 to Q36, over 18 axes of second differences and 16 samples
-    density = product(limited(s.force_sum, 1 << 25) << 5, s.frame_time)
-    density = limited(product(density, 29127) >> 7, 1 << 21) * parts_2
-    s.force_jitter = raised(s.force_jitter, limited(density, 1 << 21) << 8, share)
+    # Q16 to Q30, over 18 axes of second differences, 16 samples, and 16 of them in the time
+    density = product(product(s.force_sum, s.frame_time), 29127)
+    s.force_jitter = raised(s.force_jitter, density, share)
     s.force_sum = 0
 
 

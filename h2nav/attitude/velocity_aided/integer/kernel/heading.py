@@ -73,7 +73,7 @@ def take_field(s: State, sample: Sample, w: list[I32], r: list[I32]) -> None:
     s.mag_last[1] = y
     s.mag_last[2] = z
     is_long = (LONG_PARTS >> s.phase) & 1
-    if is_long > 0 and s.mag_age_us < FIELD_MAX_US and s.parts_so_far < RARE_PARTS:
+    if is_long > 0 and s.mag_age_us < FIELD_MAX_US and sample.parts < RARE_PARTS:
         return
     if s.mag_count == 0:
         s.heading_added = 0

@@ -23,18 +23,19 @@ from ..memory import (
     FIELD_MAX_US,
     FORCE_LOST,
     FORCE_USED,
+    FRAME,
     FRAME_MAX_US,
     GAINED_MASK,
-    MAX_PARTS,
+    RATE_IS_FINE,
     RESTARTED,
     SATURATED,
+    WEIGHED_MAX,
     Gains,
     Sample,
     State,
 )
 from .fixes import note_fix
-from .frame import second_stage
-from .functions import limited
+from .frame import coast, second_stage
 from .heading import take_field
 from .start import align, begin_anew
 from .tilt import MAX_CLIPPED, doubt_gap, doubt_rate, watch_rest
@@ -42,6 +43,7 @@ from .velocity import accelerate, change_aiding, correct_velocity
 
 STEP_MAX = 18000  # of a correction in one step, half radians Q19: 3.9 degrees per axis
 SATURATIONS_MAX = 1 << 30
+SQUARE_MAX = 1 << 24  # of a second difference of the force: (16 g)^2
 
 
 def update(s: State, g: Gains, sample: Sample) -> I32:
@@ -64,13 +66,15 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
         propagate(s.q_nb, s.gyro_bias, s.turn_carry, sample.gyro, sample.dt_us, met)
     rotation(s.q_nb, r)
     dt_us = sample.dt_us
-    s.age_us = clamp(s.age_us + dt_us, 0, AGE_MAX_US)
+    if sample.clipped == 0:
+        s.age_us = clamp(s.age_us + dt_us, 0, AGE_MAX_US)
     s.mag_age_us = clamp(s.mag_age_us + dt_us, 0, FIELD_MAX_US)
     s.frame_us = clamp(s.frame_us + dt_us, 0, FRAME_MAX_US)
     if sample.clipped > 0:
         if sample.clipped < FORCE_LOST:
             doubt_rate(s, g, sample)
         met[0] = 1
+        coast(s, g, r)
     elif s.clipped_angle > MAX_CLIPPED or s.tilt_suspect == 2:
         begin_anew(s, sample, r)
         bits = RESTARTED
@@ -86,13 +90,14 @@ def step(s: State, g: Gains, sample: Sample) -> I32:
 
 def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
     """Uses force, field and fix of one sample, and runs its part of the frame; returns bits."""
+    rate = [0, 0, 0]
     w = [0, 0, 0]
     bits = 0
     has_mag = sample.has_mag
     if sample.aided != s.aided:
         change_aiding(s, g, sample, r)
         has_mag = 0  # that is enough for one sample
-    rates(s, sample, w)
+    rates(s, sample, rate, w)
     accelerate(s, sample, r)
     if sample.aided > 0:
         if sample.has_fix > 0:
@@ -102,12 +107,18 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
         bits = FORCE_USED
     if has_mag > 0:
         take_field(s, sample, w, r)
-    watch_rest(s, g, sample)
+    watch_rest(s, g, sample, rate)
     return bits | second_stage(s, g, sample, r)
 
 
-def rates(s: State, sample: Sample, w: list[I32]) -> None:
-    """Writes rate less bias, 1e6 2^-29 rad/s; adds to the frame's mean squares of rate and jitter.
+def rates(s: State, sample: Sample, within: list[I32], w: list[I32]) -> None:
+    """Writes the rate within its limits, and less bias; adds to the frame's sums of both.
+
+    Args:
+        s: state.
+        sample: with the rate.
+        within: the rate, 1e6 2^-39 rad/s.
+        w: the same less the bias, 1e6 2^-29 rad/s.
 
     Source: docs/filter.md Eq. (8).
     """
@@ -116,6 +127,7 @@ def rates(s: State, sample: Sample, w: list[I32]) -> None:
     jitter = 0
     for i in range(3):
         rate = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT)
+        within[i] = rate
         change[i] = (rate >> 8) - s.gyro_last[i]
         s.gyro_last[i] = rate >> 8
         jolt = (change[i] - s.gyro_step[i] + 8) >> 4
@@ -125,17 +137,32 @@ def rates(s: State, sample: Sample, w: list[I32]) -> None:
     # at most sixteen samples since the sums were zero
     s.turning_sum = known(s.turning_sum + (square >> 5), 0, 1 << 30)
     if sample.is_held > 0:
-        if s.parts_so_far < MAX_PARTS:
-            s.parts_so_far += 1
         return
-    s.parts = s.parts_so_far
-    s.parts_so_far = 1
-    s.jitter_sum = known(s.jitter_sum + limited(jitter, 1 << 25), 0, 1 << 29)
-    if change[0] | change[1] | change[2] != 0:
-        s.rate_moves = 1
+    jitter = weighed(jitter, sample.parts)
+    s.jitter_sum = known(s.jitter_sum + jitter, 0, FRAME * WEIGHED_MAX)
+    if s.rate_shows < RATE_IS_FINE and change[0] | change[1] | change[2] != 0:
+        s.rate_shows = 1
+        for i in range(3):
+            # one unit of two in a step
+            if abs(change[i]) == 1:
+                s.rate_shows = RATE_IS_FINE
     for i in range(3):
         s.gyro_step[i] = change[i]
     note_force(s, sample)
+
+
+def weighed(square: I32, parts: I32) -> I32:
+    """A squared second difference, which counts by the square of its sample's time.
+
+    Source: docs/fixed-point.md Eq. (33).
+    """
+    if square > SQUARE_MAX:
+        square = SQUARE_MAX
+    if parts > 1:
+        square = square * (parts * parts)
+        if square > WEIGHED_MAX:
+            square = WEIGHED_MAX
+    return square
 
 
 def note_force(s: State, sample: Sample) -> None:
@@ -156,7 +183,7 @@ def note_force(s: State, sample: Sample) -> None:
     s.accel_step[1] = y
     s.accel_step[2] = z
     square = jolt_x * jolt_x + jolt_y * jolt_y + jolt_z * jolt_z
-    s.force_sum = known(s.force_sum + limited(square, 1 << 25), 0, 1 << 29)
+    s.force_sum = known(s.force_sum + weighed(square, sample.parts), 0, FRAME * WEIGHED_MAX)
 
 
 def drain(s: State, r: list[I32]) -> None:

@@ -14,6 +14,7 @@ from ..memory import (
     LOG_MAX,
     MAX_REJECTED,
     ON_GROUND,
+    RATE_IS_FINE,
     THETA_MAX,
     TILT_SIGMA_MAX,
     TURNABLE,
@@ -43,8 +44,14 @@ ONE_Q26 = 1 << 26
 JITTER_OF_GAP = 4263
 
 
-def watch_rest(s: State, g: Gains, sample: Sample) -> None:
+def watch_rest(s: State, g: Gains, sample: Sample, rates: list[I32]) -> None:
     """Low-passes rate and force; notes a sample that is far from either.
+
+    Args:
+        s: state.
+        g: gains.
+        sample: with the force.
+        rates: within their limits, 1e6 2^-39 rad/s.
 
     Source: docs/fixed-point.md Eq. (26).
     """
@@ -52,8 +59,7 @@ def watch_rest(s: State, g: Gains, sample: Sample) -> None:
     rate = 0
     force = 0
     for i in range(3):
-        value = clamp(sample.gyro[i] >> 1, -RATE_LIMIT, RATE_LIMIT) << 4
-        d = value - s.gyro_lp[i]
+        d = (known(rates[i], -RATE_LIMIT, RATE_LIMIT) << 4) - s.gyro_lp[i]
         # between the two
         after = s.gyro_lp[i] + (d >> shift)
         s.gyro_lp[i] = known(after, -(RATE_LIMIT << 4), RATE_LIMIT << 4)
@@ -77,9 +83,10 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         if abs(s.gyro_lp[i]) > most:
             is_steady = 0
     s.unsteady = 0
-    if s.rate_moves == 0:
+    if s.rate_shows == 0:
         doubt_steps(s)
-    s.rate_moves = 0
+    if s.rate_shows < RATE_IS_FINE:
+        s.rate_shows = 0
     if is_steady == 0:
         s.steady_us = 0
         s.rest_us = 0
@@ -233,11 +240,12 @@ def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
     raise_tilt_sigma(s, power2((logarithm(square | 1) >> 1) + (14 << 8)))
     if sample.aided > 0:
         # within the time of the levels the loop shall correct as much, and no more; nor is the
-        # force known: the next fix sets the velocity
+        # force known: the next fix sets the velocity, and one that waits is of before
         log_level = logarithm(lost_2 | 1) - logarithm(g.level_time_us)
         more = power2(log_level + logarithm(g.jitter_share | 1) + JITTER_OF_GAP)
         s.gyro_jitter = limited(s.gyro_jitter + limited(more, LEVEL_MAX), LEVEL_MAX)
         s.fixes_rejected = MAX_REJECTED
+        s.fix_period_us = 0
 
 
 def ask_force(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:

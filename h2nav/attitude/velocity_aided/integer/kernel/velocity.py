@@ -90,9 +90,18 @@ def change_aiding(s: State, g: Gains, sample: Sample, r: list[I32]) -> None:
 
 def begin_frames(s: State) -> None:
     """Starts the frames again: none is complete, and no gain is known."""
+    begin_sums(s)
+    s.frame_time = 0
+    s.k_tilt_m = 0
+    s.k_tilt_s = 0
+    s.k_velocity_m = 0
+    s.k_velocity_s = 0
+
+
+def begin_sums(s: State) -> None:
+    """Starts the sums of a frame again, after its first part."""
     s.phase = 1
     s.frame_us = 0
-    s.frame_time = 0
     s.innovation_sum_n = 0
     s.innovation_sum_e = 0
     s.turning_sum = 0
@@ -100,10 +109,6 @@ def begin_frames(s: State) -> None:
     s.force_sum = 0
     s.mag_count = 0
     s.velocity_use = 0
-    s.k_tilt_m = 0
-    s.k_tilt_s = 0
-    s.k_velocity_m = 0
-    s.k_velocity_s = 0
 
 
 def correct_velocity(s: State, sample: Sample, r: list[I32]) -> None:
