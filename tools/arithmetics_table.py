@@ -1,8 +1,11 @@
-"""How far the filter in integers is from the same filter in floats, over recordings.
+"""How far the filter in integers is from the same filter in floats, and both from the truth.
 
 Each recording goes through the service once, as a daemon would have it, with filters in floats;
-beside each of them a second one, in integers, is given every input, doubts and restarts included.
-The estimates of both for IMU 1 are compared sample by sample.
+beside each of them one in integers is given every input, doubts and restarts included, and so are
+two more in floats: one that does not learn the field's offset, and one that besides takes only the
+fields that the integers take. Their steps from the floats to the integers say what the distance is
+made of. The estimates of all for IMU 1 are compared sample by sample from a minute after the first
+one on; headings where both filters know theirs.
 
     python tools/arithmetics_table.py DIR|FILE ... [--json]
 
@@ -10,7 +13,9 @@ The table in docs/fixed-point.md, *Distance from the floats*, is from this comma
 """
 
 import argparse
+import itertools
 import json
+import math
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
@@ -18,108 +23,217 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 from false_alarms import SUFFIXES, Watcher
 
 from h2nav.apps.filters import FilterFactory
+from h2nav.apps.pipeline import IMU_IDS
 from h2nav.apps.playback import Playback, PlaybackOptions, inputs_for, pipeline_for
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.kernel.heading import LONG_PARTS
+from h2nav.attitude.velocity_aided.integer.memory import FRAME
+from h2nav.attitude.velocity_aided.kernel.estimate import LOST_HEADING_RAD
+from h2nav.errors import BadInput
+from h2nav.evaluation.flights.heard import FromAutopilot, HeardEstimates
+from h2nav.evaluation.flights.truth import pairs, truth_of
 from h2nav.maths.attitude_errors import errors, root_mean_square
+from h2nav.maths.rows import Array
 from h2nav.recordings.opening import open_flight
 from h2nav.service.autopilot import Identity
+from h2nav.wire.deframer import Frame
 
 SETTLED_US = 60_000_000  # after the first estimate
 HEAD = (
     "| recording | tilt rms, deg | heading rms | tilt at most | heading at most | "
-    "whole, tilt / heading rms |\n|---|---|---|---|---|---|"
+    "of it the offset: tilt, heading rms | fewer fields | the rest | "
+    "floats, integers to the truth: tilt | heading |\n"
+    "|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
-class Pair:
-    """A filter that passes everything on to another one, whose estimates it collects.
+class Listener(Watcher):
+    """Hears when the frames of a recording arrive, and what its autopilot says."""
+
+    def __init__(self) -> None:
+        self.autopilot = FromAutopilot()
+        self.message_ids = self.autopilot.message_ids | IMU_IDS
+        self.now_us = 0
+
+    def frame(self, t_ns: int, frame: Frame) -> None:  # type: ignore[override]
+        """Notes the time; passes on what is the autopilot's."""
+        self.now_us = t_ns // 1000
+        if frame.msg_id in self.autopilot.message_ids:
+            self.autopilot.frame(t_ns, frame)
+
+    def estimate(self, t_ns: int, estimate: AttitudeEstimate, *_: object) -> None:  # type: ignore[override]
+        """Notes the autopilot's clock."""
+        self.autopilot.boot_time(t_ns // 1000, estimate.t_us)
+
+
+class Together:
+    """A filter that passes everything on to others, and collects what all of them estimate.
 
     Args:
-        first: whose estimates the service gets.
-        second: gets the same inputs.
+        filters: the service gets the estimates of the first one.
+        listener: knows the time of arrival.
     """
 
-    def __init__(self, first: AttitudeFilter, second: AttitudeFilter) -> None:
-        self._first, self._second = first, second
-        self.found: list[tuple[AttitudeEstimate, AttitudeEstimate]] = []
+    def __init__(self, filters: tuple[AttitudeFilter, ...], listener: Listener) -> None:
+        self._filters, self._listener = filters, listener
+        self.found: list[tuple[int, tuple[AttitudeEstimate, ...]]] = []
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Both take the sample."""
-        one, other = self._first.update(sample), self._second.update(sample)
-        if one is not None and other is not None:
-            self.found.append((one, other))
-        return one
+        """All take the sample."""
+        estimates = [one.update(sample) for one in self._filters]
+        known = tuple(one for one in estimates if one is not None)
+        if len(known) == len(estimates):
+            self.found.append((self._listener.now_us, known))
+        return estimates[0]
 
-    def state(self) -> tuple[Any, Any]:
-        """What both know."""
-        return self._first.state(), self._second.state()
+    def state(self) -> tuple[Any, ...]:
+        """What all know."""
+        return tuple(one.state() for one in self._filters)
 
-    def restore(self, known: tuple[Any, Any]) -> None:
-        """Both begin with what those of another IMU know."""
-        self._first.restore(known[0])
-        self._second.restore(known[1])
+    def restore(self, known: tuple[Any, ...]) -> None:
+        """All begin with what those of another IMU know."""
+        for one, state in zip(self._filters, known, strict=True):
+            one.restore(state)
 
     def __getattr__(self, name: str) -> Any:
-        """What both do, or what the first one is."""
-        one = getattr(self._first, name)
-        if not callable(one):
-            return one
+        """What all do, or what the first one is."""
+        first = getattr(self._filters[0], name)
+        if not callable(first):
+            return first
 
-        def both(*given: Any) -> Any:
-            getattr(self._second, name)(*given)
-            return one(*given)
+        def each(*given: Any) -> Any:
+            said = [getattr(one, name)(*given) for one in self._filters]
+            return said[0]
 
-        return both
+        return each
+
+
+class FewerFields:
+    """A filter that gets the fields of those samples only that the integers turn a field with.
+
+    Args:
+        inner: the filter.
+    """
+
+    def __init__(self, inner: AttitudeFilter) -> None:
+        self._inner, self._samples = inner, 0
+
+    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
+        """Takes the sample, without its field where a part of the frame leaves no time for it."""
+        self._samples += 1
+        if (LONG_PARTS >> self._samples % FRAME) & 1:
+            sample = sample._replace(m_b_ut=None)
+        return self._inner.update(sample)
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is the filter's."""
+        return getattr(self._inner, name)
 
 
 class Distance(NamedTuple):
-    """Differences of two attitudes over a recording, once settled, deg."""
+    """Differences of two attitudes over a recording, once settled, deg; NaN for an empty one."""
 
     tilt: float  # root mean square
     heading: float
     most_tilt: float
     most_heading: float
-    whole_tilt: float  # from the first estimate on
-    whole_heading: float
 
 
-def distance(found: Iterable[tuple[AttitudeEstimate, AttitudeEstimate]]) -> Distance | None:
-    """How far they are apart; None for a recording that is over before they have settled."""
-    rows = [(one.t_us, *one.q_nb, *other.q_nb) for one, other in found]
-    if not rows:
-        return None
-    table = np.array(rows)
-    settled = table[:, 0] - table[0, 0] >= SETTLED_US
-    apart = errors(table[:, 5:9], table[:, 1:5], settled, heading_fixed=True)
-    whole = (root_mean_square(apart.inclination), root_mean_square(apart.heading))
-    if not settled.any():
-        return Distance(*whole, apart.inclination.max(), np.abs(apart.heading).max(), *whole)
-    tilt, heading = apart.inclination[settled], apart.heading[settled]
+class Row(NamedTuple):
+    """What is found of a recording."""
+
+    integers: Distance  # from the floats
+    # from one filter to the next: without the offset, with fewer fields, in integers
+    steps: tuple[Distance, Distance, Distance]
+    tilt: tuple[float, float] | None  # rms error of floats and integers; None without a truth
+    heading: tuple[float, float] | None
+
+
+class Estimates(NamedTuple):
+    """Those of one filter, once settled."""
+
+    q_nb: Array  # (N, 4)
+    is_known: npt.NDArray[np.bool_]  # (N,) whether the heading is
+
+
+def distance(one: Estimates, other: Estimates) -> Distance:
+    """How far two filters are apart."""
+    apart = errors(other.q_nb, one.q_nb, np.ones(len(one.q_nb), dtype=bool), heading_fixed=True)
+    tilt, heading = apart.inclination, apart.heading[one.is_known & other.is_known]
+    if not len(heading):
+        return Distance(*[math.nan] * 4)
     ends = float(tilt.max()), float(np.abs(heading).max())
-    return Distance(root_mean_square(tilt), root_mean_square(heading), *ends, *whole)
+    return Distance(root_mean_square(tilt), root_mean_square(heading), *ends)
 
 
-def played(path: Path) -> Pair | None:
-    """A recording through the service with both filters; None if it never began."""
+def row_of(path: Path) -> Row | None:
+    """A recording through the service with all filters; None if there is nothing to compare."""
+    listener = Listener()
+    together = played(path, listener)
+    if together is None or not together.found:
+        return None
+    times = np.array([(arrived, e[0].t_us) for arrived, e in together.found])
+    settled = times[:, 1] - times[0, 1] >= SETTLED_US
+    if not settled.any():
+        settled[:] = True
+    floats, integers, plain, fewer = (
+        Estimates(
+            np.array([e[k].q_nb for _, e in together.found])[settled],
+            np.array([e[k].sigma_heading_rad < LOST_HEADING_RAD for _, e in together.found])[
+                settled
+            ],
+        )
+        for k in range(4)
+    )
+    chain = (floats, plain, fewer, integers)
+    one, two, three = (distance(a, b) for a, b in itertools.pairwise(chain))
+    between = distance(floats, integers), (one, two, three)
+    try:
+        truth, _ = truth_of(path, listener.autopilot)
+    except BadInput:
+        return Row(*between, None, None)
+    arrived_us, boot_us = times[settled].T
+    found = []
+    for said in (floats, integers):
+        unknown = np.full(len(boot_us), math.nan)
+        heard = HeardEstimates(arrived_us, boot_us, said.q_nb, unknown, unknown)
+        rows, q_true = pairs(truth, listener.autopilot, heard)
+        wrong = errors(said.q_nb[rows], q_true, np.ones(len(rows), dtype=bool), heading_fixed=True)
+        known = (floats.is_known & integers.is_known)[rows]
+        found.append((root_mean_square(wrong.inclination), root_mean_square(wrong.heading[known])))
+    (tilt, heading), (tilt_integers, heading_integers) = found
+    return Row(*between, (tilt, tilt_integers), (heading, heading_integers))
+
+
+def played(path: Path, listener: Listener) -> Together | None:
+    """A recording through the service; the filters of IMU 1, None if it never began."""
     recording = open_flight(path)
     inputs = inputs_for(recording, PlaybackOptions())
     settings, rate_hz = inputs.configuration.filter, inputs.configuration.autopilot.imu_rate_hz
     in_integers = FilterFactory.shipped(replace(settings, arithmetic="fixed"), rate_hz)
-    pairs: list[Pair] = []
+    made: list[Together] = []
 
-    def made(identity: Identity) -> AttitudeFilter:
-        first, second = inputs.filters.filter_for(identity), in_integers.filter_for(identity)
-        pairs.append(Pair(first, second))
-        return cast("AttitudeFilter", pairs[-1])
+    def all_for(identity: Identity) -> AttitudeFilter:
+        first, *plain = (inputs.filters.filter_for(identity) for _ in range(3))
+        for one in plain:
+            if not isinstance(one, VelocityAidedFilter):
+                raise SystemExit(f"{path}: expected filter.name velocity_aided in floats")
+            one.kernel_gains.offset_variance = 0.0
+        fewer = cast("AttitudeFilter", FewerFields(plain[1]))
+        filters = (first, in_integers.filter_for(identity), plain[0], fewer)
+        made.append(Together(filters, listener))
+        return cast("AttitudeFilter", made[-1])
 
-    pipeline = pipeline_for(recording, inputs, None, Watcher(), made)
-    for _ in Playback(recording, whole_frames=inputs.whole_frames).through(pipeline):
-        pass
-    return pairs[0] if pairs else None
+    pipeline = pipeline_for(recording, inputs, None, listener, all_for)
+    for t_ns in Playback(recording, whole_frames=inputs.whole_frames).through(pipeline):
+        listener.autopilot.time(t_ns)
+    return made[0] if made else None
 
 
 def recordings(places: Iterable[Path]) -> list[Path]:
@@ -131,10 +245,14 @@ def recordings(places: Iterable[Path]) -> list[Path]:
     return found
 
 
-def row_of(name: str, apart: Distance) -> str:
+def line_of(name: str, row: Row) -> str:
     """One line of the table."""
-    figures = " | ".join(f"{value:.3f}" for value in apart[:4])
-    return f"| {name} | {figures} | {apart.whole_tilt:.3f} / {apart.whole_heading:.3f} |"
+    figures = " | ".join(f"{value:.3f}" for value in row.integers)
+    steps = " | ".join(f"{step.tilt:.3f}, {step.heading:.3f}" for step in row.steps)
+    truth = (
+        "" if pair is None else f"{pair[0]:.2f}, {pair[1]:.2f}" for pair in (row.tilt, row.heading)
+    )
+    return f"| {name} | {figures} | {steps} | {' | '.join(truth)} |"
 
 
 def main() -> int:
@@ -142,20 +260,27 @@ def main() -> int:
     parser.add_argument("places", nargs="+", type=Path, help="recordings, and folders of them")
     parser.add_argument("--json", action="store_true", help="machine-readable result")
     args = parser.parse_args()
-    found: dict[str, Distance] = {}
+    found: dict[str, Row] = {}
     if not args.json:
         print(HEAD)
     for path in recordings(args.places):
-        pair = played(path)
-        apart = None if pair is None else distance(pair.found)
-        if apart is None:
+        row = row_of(path)
+        if row is None:
             continue
-        found[path.stem] = apart
+        found[path.stem] = row
         if not args.json:
-            print(row_of(path.stem, apart), flush=True)
+            print(line_of(path.stem, row), flush=True)
     if args.json:
-        print(json.dumps({name: apart._asdict() for name, apart in found.items()}))
+        print(json.dumps({name: as_json(row) for name, row in found.items()}))
     return 0
+
+
+def as_json(row: Row) -> dict[str, Any]:
+    """A row for machines."""
+    names = ("offset", "fewer_fields", "rest")
+    steps = {name: step._asdict() for name, step in zip(names, row.steps, strict=True)}
+    truth = {"tilt_to_truth": row.tilt, "heading_to_truth": row.heading}
+    return row.integers._asdict() | {"steps": steps} | truth
 
 
 if __name__ == "__main__":

@@ -191,7 +191,8 @@ class Builds:
         with contextlib.redirect_stdout(io.StringIO()):
             h2nav(["export", "c", gains, "--form", "velocity_aided", "-o", str(exported)])
         tape = f'-DTAPE="{self._folder / "tape"}"'
-        sources = [tape, f"-I{exported}", HERE / "same_bits.c", exported / "h2nav_filter.c"]
+        main_file, kernel = HERE / "same_bits.c", exported / "h2nav_filter.c"
+        sources: list[str | Path] = [tape, f"-I{exported}", main_file, kernel]
         commands = self._built[gains]
         for compiler in filter(shutil.which, COMPILERS):
             for level in LEVELS:

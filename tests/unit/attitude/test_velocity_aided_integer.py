@@ -326,6 +326,88 @@ def test_the_jitter_of_the_force_is_that_of_the_floats(rate_hz: float, sigma: fl
     assert found == pytest.approx(floats.kernel_state.accel_jitter, rel=0.1)
 
 
+def test_with_some_samples_missing_both_jitters_are_those_of_the_floats() -> None:
+    """Of samples at 50 Hz every fourth is lost: one of 40 ms counts four times one of 20 ms."""
+    rng = random.Random(3)
+    floats, integers = new_float_filter(), new_filter(gains=MULTIROTOR)
+    for number, sample in enumerate(fly(gentle, 40.0, 1, rate_hz=50.0).samples):
+        (p, q, r), (x, y, z) = (
+            tuple(part + rng.gauss(0.0, sigma) for part in vector)
+            for vector, sigma in ((sample.w_b, 0.1), (sample.f_b, 10.0))
+        )
+        if number % 4 == 3:
+            continue
+        shaken = sample._replace(w_b=(p, q, r), f_b=(x, y, z))
+        floats.update(shaken)
+        integers.update(shaken)
+    one, other = floats.kernel_state, integers.kernel_state
+    assert other.gyro_jitter * 2.0**-36 == pytest.approx(one.gyro_jitter, rel=0.15)
+    found = other.force_jitter * 2.0**-30 * GRAVITY_M_S2**2
+    assert found == pytest.approx(one.accel_jitter, rel=0.15)
+
+
+def test_while_no_force_comes_the_heading_is_doubted_as_by_the_floats() -> None:
+    """For twenty seconds, in which no part of a frame runs; the first field then is weighed so."""
+    floats, integers = new_float_filter(), new_filter(gains=MULTIROTOR)
+    for filter_ in (floats, integers):
+        filter_.use_vehicle(FLYING)
+    for sample in fly(gentle, 60.0, 1).samples:
+        lost = 30e6 < sample.t_us < 50e6
+        given = sample._replace(f_b=(0.0, 0.0, 0.0), m_b_ut=None) if lost else sample
+        a, b = floats.update(given), integers.update(given)
+        if a is None or b is None:
+            continue
+        if 31e6 < sample.t_us < 49.9e6:
+            assert b.sigma_heading_rad == pytest.approx(a.sigma_heading_rad, rel=0.1)
+            assert quaternion.angle(a.q_nb, b.q_nb) < 0.2 * DEG
+        if sample.t_us == 30_000_000:
+            before = integers.kernel_state.heading_variance
+        if sample.t_us == 49_900_000:
+            assert integers.kernel_state.heading_variance > 2 * before
+    assert a is not None
+    assert b is not None
+    assert quaternion.angle(a.q_nb, b.q_nb) < 0.2 * DEG
+
+
+def test_a_fix_that_waits_when_samples_are_missing_is_dropped() -> None:
+    """It tells of the velocity before; the next one sets it."""
+    integers = new_filter(gains=MULTIROTOR)
+    state = integers.kernel_state
+    samples = fly(gentle, 12.0, 1).samples
+    waiting = 0
+    for number, sample in enumerate(samples[:1000]):
+        if number > 600 and number % 20 == 0:
+            integers.use_velocity(
+                VelocityFix(sample.t_us - 100_000, (0.0, 0.0, math.nan), 0.3, independent=True)
+            )
+        integers.update(sample)
+        if number > 700 and state.fix_period_us > 0:
+            waiting = number
+            break
+    assert waiting
+    integers.update(samples[waiting + 40])
+    assert state.fix_period_us == 0
+    assert state.fixes_rejected == 5
+
+
+@pytest.mark.parametrize(("step", "is_fine"), [(0.001, False), (0.00049, True)])
+def test_a_rate_that_changes_by_less_than_a_step_hides_no_bias(step: float, is_fine: bool) -> None:
+    """At rest its bias is as sure as the floats say, whether it moves in a frame or not."""
+    floats, integers = new_float_filter(), new_filter(gains=MULTIROTOR)
+    for filter_ in (floats, integers):
+        filter_.use_vehicle(GROUND)
+    for sample in fly(still, 30.0, 1).samples:
+        rate = step * (sample.t_us // 400_000 % 2)
+        given = sample._replace(w_b=(rate, rate, rate))
+        a, b = floats.update(given), integers.update(given)
+    assert a is not None
+    assert b is not None
+    hidden = 3.3e-7
+    found = integers.sensor_errors.gyro_variance
+    assert (min(found) < 0.5 * hidden) == is_fine
+    assert found == pytest.approx(floats.sensor_errors.gyro_variance, rel=0.3)
+
+
 def test_after_missing_samples_tilt_and_velocity_are_doubted_as_by_the_floats() -> None:
     """A fifth of a second is missing while the vehicle turns."""
     samples = fly(brisk, 40.0, 1).samples
