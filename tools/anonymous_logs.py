@@ -2,9 +2,9 @@
 
 Each is given to `h2nav log anonymise`, which reviews both files and searches the new one for some
 fixes and for the id. Here every byte of it is looked at, at every offset: pairs of int32, float and
-double within 2 km of any fix of the old one, in both orders, up to 16 bytes apart; doubles alone
-and decimals in texts near its latitudes and longitudes; texts of the old one that look like ids,
-paths or addresses.
+double within 2 km of any fix of the old one, in both orders, up to 16 bytes apart; decimals in
+texts near its latitudes and longitudes; texts of the old one that look like ids, paths or
+addresses.
 
 Run: python tools/anonymous_logs.py FILE...
 """
@@ -29,7 +29,11 @@ MARGIN_DEG = 0.02
 LONGEST_STEP = 16
 KINDS = (("<i4", 1e7), ("<f4", 1.0), ("<f8", 1.0))
 DECIMAL = re.compile(rb"-?\d{1,3}\.\d{3,}")
-NAMING = re.compile(rb"[0-9A-F]{8}(?: [0-9A-F]{8}){2}|[\w.+-]+@[\w-]+\.\w+|(?:/[\w.-]{2,}){3,}")
+NAMING = re.compile(
+    rb"[0-9A-F]{8}(?: [0-9A-F]{8}){2}|[\w.+-]{3,}@[\w-]{3,}\.\w{2,}|(?:/[\w.-]{2,}){3,}"
+)
+    rb"[0-9A-F]{8}(?: [0-9A-F]{8}){2}|[\w.+-]{3,}@[\w-]{3,}\.\w{2,}|(?:/[\w.-]{2,}){3,}"
+)
 
 
 class Box(NamedTuple):
@@ -107,8 +111,6 @@ def near(data: bytes, box: Box) -> list[str]:
             pairs = np.isin(first[:, None] + steps, second)
             places = first[pairs.any(axis=1)]
             found += [f"a pair of {kind} at byte {place}" for place in places]
-        if size == 8:
-            found += [f"a {kind} at byte {place}" for place in (*latitudes, *longitudes)]
     for text in DECIMAL.finditer(data):
         if any(low <= float(text[0]) <= high and abs(float(text[0])) > 1.0 for low, high in box):
             found.append(f"a text at byte {text.start()}: {text[0].decode()}")

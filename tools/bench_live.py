@@ -38,6 +38,7 @@ from h2nav.wire.deframer import Deframer, Frame
 from h2nav.wire.readers import READERS
 
 RAW_IMU = mavlink.MAVLINK_MSG_ID_RAW_IMU
+OTHERS = (mavlink.MAVLink_scaled_imu2_message, mavlink.MAVLink_scaled_imu3_message)
 UNIX_S = 1_795_000_000.0
 
 RATES_HZ = (100.0, 400.0)
@@ -62,10 +63,15 @@ log: {{folder: {folder}}}
 
 
 class Sender:
-    """A vehicle at rest that sends RAW_IMU and waits for the ATTITUDE of each sample."""
+    """A vehicle at rest that sends RAW_IMU and waits for the ATTITUDE of each sample.
 
-    def __init__(self, port: int, rate_hz: float) -> None:
+    Args:
+        imus: whose samples it sends, the further ones as SCALED_IMU2 and SCALED_IMU3.
+    """
+
+    def __init__(self, port: int, rate_hz: float, imus: int = 1) -> None:
         self._rate_hz = rate_hz
+        self._others = OTHERS[: imus - 1]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", port))
         self._socket.setblocking(False)
@@ -99,6 +105,8 @@ class Sender:
                     t_ms * 1000, 1, 2, -1000, 1, 0, 0, 224, 80, -528, 0, 2500
                 )
             )
+            for message in self._others:
+                self._send(message(t_ms, 1, 2, -1000, 1, 0, 0, 224, 80, -528, 2500))
             self.sent += 1
         self._listen_until(time.monotonic_ns() + 300_000_000)
         self._t_ms += 300.0  # a clock that stood still would make all that follows late

@@ -2,33 +2,41 @@
 
 The same sender feeds each candidate over UDP loopback, as in `bench_live`:
 
-* no live view;
+* no live view; the same while flights are reviewed beside it, one after the other;
 * a viewer's process: without clients; with a Foxglove client that subscribes to everything and the
-  page's stream; with both, never read; with ten readers; with uploads of files that are no
-  recordings, one after the other, which are reviewed beside it; and
+  page's stream; with both, never read; with ten readers; with hostile uploads (`hostile_flights`),
+  one after the other, which are reviewed beside it; and
 * the same viewer as a thread of the daemon, which was the alternative.
 
 Clients run as processes of their own, on the same machine and niced. Candidates take turns in
 every round, so that other load on the machine affects them alike.
 
-On a machine that others use, ``--nice -10`` (as root) keeps them out of the figures.
+Beside the figures of each candidate stands by how much its p99 is later than that of the first one
+in the same round: the median, and the least and the most of the middle half of the rounds.
+
+On a machine that others use, ``--nice -10`` (as root) keeps them out of the figures, and
+``--review-priority normal`` gives reviews a share of the processors.
 
 Run: python tools/bench_live_view.py [--seconds S] [--rounds N] [--rates HZ ...] [--only WORD ...]
+    [--imus N] [--review-priority idle|normal]
 """
 
 import argparse
 import asyncio
 import contextlib
+import functools
 import json
 import multiprocessing
 import os
 import random
+import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections import defaultdict
 from collections.abc import Iterator
@@ -36,6 +44,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import hostile_flights
 import numpy as np
 from bench_live import WARM_UP_S, Sender, cpu_seconds, free_port
 from tornado.websocket import websocket_connect
@@ -46,7 +55,7 @@ autopilot: {{imu_rate_hz: {hz:.0f}, request_streams: false}}
 output: {{attitude_rate_hz: {hz:.0f}, attitude_quaternion_rate_hz: 0}}
 log: {{folder: {folder}}}
 live: {{address: "{address}", foxglove_port: {foxglove}}}
-flights: {{token_file: {folder}/token}}
+flights: {{token_file: {folder}/token, review_priority: {priority}}}
 """
 # The viewer's end of the feed goes to a thread instead of to a process.
 IN_A_THREAD = """
@@ -78,8 +87,9 @@ PROCESS, THREAD, NOTHING = "process", "thread", "no live view"
 START_S = 2.0
 LONGEST_START_S = 30.0
 CLIENT_NICENESS = 10
-MCAP_START = b"\x89MCAP0\r\n"
-UPLOAD_BYTES = (100_000, 10_000_000)
+FLIGHT = Path(__file__).resolve().parent.parent / "tests/data/takeoff_40s.tlog"
+WAITING_FLIGHTS = 200
+LARGE_BYTES = 10_000_000
 
 
 class Candidate(NamedTuple):
@@ -90,12 +100,14 @@ class Candidate(NamedTuple):
         readers: who read, each a Foxglove client and a stream of the page.
         deaf: who never read.
         uploads: somebody uploads without a pause.
+        reviews: flights wait for their reviews.
     """
 
     viewer: str
     readers: int = 0
     deaf: int = 0
     uploads: bool = False
+    reviews: bool = False
 
     @property
     def name(self) -> str:
@@ -103,11 +115,14 @@ class Candidate(NamedTuple):
         who = f"{self.readers} reading" if self.readers else "nobody"
         who = f"{self.deaf} never reading" if self.deaf else who
         who = "uploads" if self.uploads else who
-        return self.viewer if self.viewer == NOTHING else f"{self.viewer}, {who}"
+        who = "reviews" if self.reviews else who
+        is_alone = self.viewer == NOTHING and not self.reviews
+        return self.viewer if is_alone else f"{self.viewer}, {who}"
 
 
 CANDIDATES = (
     Candidate(NOTHING),
+    Candidate(NOTHING, reviews=True),
     Candidate(PROCESS),
     Candidate(PROCESS, readers=1),
     Candidate(PROCESS, deaf=1),
@@ -128,6 +143,7 @@ class Figures(NamedTuple):
         cpu: of the daemon, s/s.
         viewer_cpu: of the viewer's process.
         memory_mib: of the daemon.
+        reviewed: flights meanwhile.
     """
 
     late_us: list[float]
@@ -135,6 +151,7 @@ class Figures(NamedTuple):
     cpu: float
     viewer_cpu: float
     memory_mib: float
+    reviewed: int
 
 
 class Ports(NamedTuple):
@@ -177,14 +194,28 @@ def look_on(ports: Ports, count: int, reads: bool, ready: Any) -> None:
 
 
 def upload(port: int, token_file: Path, done: Any) -> None:
-    """Uploads what begins like an MCAP log, small and large in turn."""
+    """Uploads hostile files, and a large one in between."""
     os.nice(CLIENT_NICENESS)
     dice, number = random.Random(1), 0
+    content = FLIGHT.read_bytes()
+    makers = [
+        functools.partial(hostile_flights._random, dice=dice),
+        functools.partial(hostile_flights._bomb, dice=dice),
+        *(
+            functools.partial(made, dice=dice, content=content, suffix=".tlog")
+            for made in (hostile_flights._cut, hostile_flights._flipped)
+        ),
+    ]
     while True:
         number += 1
-        body = MCAP_START + dice.randbytes(UPLOAD_BYTES[number % len(UPLOAD_BYTES)])
+        with tempfile.TemporaryDirectory() as folder:
+            made = makers[number % len(makers)](Path(folder))
+            body = made.read_bytes()
+        if number % 10 == 0:
+            body += dice.randbytes(LARGE_BYTES)
+        name = urllib.parse.quote(f"{number} {made.name}")
         asked = urllib.request.Request(
-            f"http://127.0.0.1:{port}/flights/uploads?name={number}.mcap",
+            f"http://127.0.0.1:{port}/flights/uploads?name={name}",
             body,
             {"Authorization": f"Bearer {token_file.read_text().strip()}"},
         )
@@ -258,7 +289,7 @@ def wait_for(ports: Ports) -> None:
                 time.sleep(0.1)
 
 
-def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
+def fly(candidate: Candidate, seconds: float, rate_hz: float, imus: int, priority: str) -> Figures:
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         port, ports = free_port(), Ports(free_tcp_port(), free_tcp_port())
@@ -266,9 +297,19 @@ def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
         config = Path(folder) / "config.yaml"
         config.write_text(
             CONFIG.format(
-                port=port, folder=folder, hz=rate_hz, address=address, foxglove=ports.foxglove
+                port=port,
+                folder=folder,
+                hz=rate_hz,
+                address=address,
+                foxglove=ports.foxglove,
+                priority=priority,
             )
         )
+        if candidate.reviews:
+            waiting = Path(folder) / "uploads"
+            waiting.mkdir()
+            for number in range(WAITING_FLIGHTS):
+                shutil.copy(FLIGHT, waiting / f"{number}.tlog")
         program = ["-c", IN_A_THREAD] if candidate.viewer == THREAD else ["-m", "h2nav"]
         process = subprocess.Popen(
             [sys.executable, *program, "run", "-c", str(config)],
@@ -283,29 +324,35 @@ def fly(candidate: Candidate, seconds: float, rate_hz: float) -> Figures:
         stack.enter_context(lookers_on(ports, candidate))
         if candidate.uploads:
             stack.enter_context(uploads(ports.page, Path(folder)))
-        sender = Sender(port, rate_hz)
+        sender = Sender(port, rate_hz, imus)
         sender.fly(WARM_UP_S)
         sender.forget()
-        pids = [process.pid, *filter(None, [child_of(process.pid)])]
+        viewer_pid = child_of(process.pid) if candidate.viewer == PROCESS else None
+        pids = [process.pid, *filter(None, [viewer_pid])]
         before = [cpu_seconds(pid) for pid in pids]
         sender.fly(seconds)
         cpu, *viewer = (
             (cpu_seconds(pid) - start) / seconds for pid, start in zip(pids, before, strict=True)
         )
         memory = Path(f"/proc/{process.pid}/status").read_text().split("VmHWM:")[1].split()[0]
-    return Figures(sender.latencies_us, sender.sent, cpu, sum(viewer), int(memory) / 1024)
+        reviewed = len(list((Path(folder) / "reviews").glob("*.flight.json")))
+    return Figures(sender.latencies_us, sender.sent, cpu, sum(viewer), int(memory) / 1024, reviewed)
 
 
-def told(flights: list[Figures]) -> str:
+def told(flights: list[Figures], first: list[Figures]) -> str:
     """The median of all rounds: other work on the machine comes in bursts."""
+    p99s = [[np.percentile(each.late_us, 99) for each in of] for of in (flights, first)]
+    low, later, high = np.percentile(np.subtract(*p99s), [25, 50, 75])
     each = [np.percentile(flight.late_us, [50, 90, 99]) for flight in flights]
     p50, p90, p99 = np.median(each, axis=0)
-    cpu, viewer_cpu, memory = np.median([flight[2:] for flight in flights], axis=0)
+    cpu, viewer_cpu, memory = np.median([flight[2:5] for flight in flights], axis=0)
     answered = sum(len(flight.late_us) for flight in flights)
     return (
         f"answered {answered}/{sum(flight.sent for flight in flights)}  p50 {p50:5.0f} us  "
         f"p90 {p90:5.0f} us  p99 {p99:6.0f} us  CPU {100 * cpu:5.1f} %  "
-        f"viewer {100 * viewer_cpu:5.1f} %  memory {memory:.0f} MiB"
+        f"viewer {100 * viewer_cpu:5.1f} %  memory {memory:.0f} MiB  "
+        f"p99 later by {later:+.0f} us ({low:+.0f} to {high:+.0f}), "
+        f"{sum(flight.reviewed for flight in flights)} reviews"
     )
 
 
@@ -316,6 +363,8 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", default=(100.0, 400.0), metavar="HZ")
     parser.add_argument("--only", nargs="+", default=("",), help="a part of the candidates' names")
     parser.add_argument("--nice", type=int, default=0, help="priority of everything (root: -10)")
+    parser.add_argument("--imus", type=int, default=1, choices=(1, 2, 3))
+    parser.add_argument("--review-priority", default="idle", choices=("idle", "normal"))
     args = parser.parse_args()
     os.nice(args.nice)
     candidates = [each for each in CANDIDATES if any(word in each.name for word in args.only)]
@@ -323,9 +372,11 @@ def main() -> None:
         found: dict[Candidate, list[Figures]] = defaultdict(list)
         for _ in range(args.rounds):
             for candidate in candidates:
-                found[candidate].append(fly(candidate, args.seconds, hz))
+                flown = fly(candidate, args.seconds, hz, args.imus, args.review_priority)
+                found[candidate].append(flown)
+        first = found[candidates[0]]
         for candidate, flights in found.items():
-            print(f"{hz:3.0f} Hz  {candidate.name:24} {told(flights)}", flush=True)
+            print(f"{hz:3.0f} Hz  {candidate.name:24} {told(flights, first)}", flush=True)
 
 
 if __name__ == "__main__":

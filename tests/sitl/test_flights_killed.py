@@ -21,7 +21,7 @@ from h2nav.flights.folder import UPLOADS, FlightFolder
 from h2nav.flights.index import INDEX, MAX_ROWS, FlightIndex, Question
 
 # More by hand: `pytest -s tests/sitl/test_flights_killed.py` with H2NAV_KILLS=200.
-KILLS = int(os.environ.get("H2NAV_KILLS", "4"))
+KILLS = int(os.environ.get("H2NAV_KILLS", "3"))
 SEED = int(os.environ.get("H2NAV_SEED", "1"))
 RECORDING = (REPOSITORY / "tests/data/takeoff_40s.tlog").read_bytes()[:400_000]
 REVIEW_S = 120.0
