@@ -104,6 +104,7 @@ PHRASES = (
         "crash or loss of thrust",
     ),
 )
+WHOSE = re.compile(r"radio|throttle|GCS|ground station|fence|data ?link", re.IGNORECASE)
 # ArduPilot's texts before take-off are preparations. PX4 also says "Preflight Fail" in flight,
 # where it counts.
 PREARM = re.compile(r"pre-?arm", re.IGNORECASE)
@@ -151,7 +152,9 @@ def detect_texts(context: Context) -> list[Finding]:
         if kind is Kind.ESTIMATOR_SWITCH and context.primary:
             continue
         if texts:
-            found.append(_quoted(kind, text, texts))
+            said = texts[0]
+            whose = WHOSE.search(said.text) if kind is Kind.SAID_FAILSAFE else None
+            found.append(_quoted(kind, f"{whose[0]} failsafe" if whose else text, texts))
     return found
 
 

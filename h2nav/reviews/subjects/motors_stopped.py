@@ -4,10 +4,10 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import FlightKind, Meaning
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
-from h2nav.reviews.falls import FALLS_G, FALLS_S, STEP_S, WITHIN_S, falls_from_s
+from h2nav.reviews.falls import FALLS_S, STEP_S, WITHIN_S, falls_from_s
 from h2nav.reviews.inertial import Mask, runs
 from h2nav.reviews.subjects import needs
 
@@ -15,8 +15,9 @@ MOTORS_STOPPED = FlightKind("motors_stopped")
 # Outputs of motors that are switched off: below the least that an autopilot gives in flight (5 % of
 # the range at the least, MOT_SPIN_MIN), for the time that a fall is seen in.
 OFF_SHARE = 0.04
-# All motors are asked for thrust, and it does not turn as it does where one alone is missing.
-ASKED_OF_USUAL, TURNS_RAD_S = 0.8, 60.0 * DEG
+# All motors are asked for what carries it, and give less than a lowered throttle or a quick descent
+# leaves; and it does not turn as it does where one alone is missing.
+ASKED_OF_USUAL, GIVEN_G, TURNS_RAD_S = 0.9, 0.2, 60.0 * DEG
 SAID_S = 1.5
 
 KINDS = (
@@ -77,7 +78,7 @@ def _unpowered(evidence: FlightEvidence) -> tuple[float, str] | None:
     usual = float(np.median(bins.driven[bins.driven > bins.flying]))
     least = np.nan_to_num(motors.share()).min(axis=1)
     asked = np.interp(bins.t_s, motors.t_s, least) > ASKED_OF_USUAL * usual
-    falls = asked & (np.linalg.norm(bins.f_b, axis=1) < FALLS_G * 9.81)
+    falls = asked & (np.linalg.norm(bins.f_b, axis=1) < GIVEN_G * GRAVITY_M_S2)
     falls &= np.linalg.norm(bins.w_b, axis=1) < TURNS_RAD_S
     for first, last in runs(falls):
         t_s = float(bins.t_s[first])

@@ -1,7 +1,5 @@
 """What the autopilot said in flight."""
 
-import re
-
 from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
@@ -9,15 +7,6 @@ from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.estimators import detect_texts
 from h2nav.reviews.subjects import needs
-
-WHOSE = re.compile(r"radio|throttle|GCS|ground station|fence|data ?link", re.IGNORECASE)
-
-
-def _failsafe(one: Finding) -> str:
-    found = WHOSE.search(one.evidence)
-    whose = "" if found is None else found[0] if found[0].isupper() else found[0].lower()
-    return f"the {whose} failsafe came" if whose else "a failsafe came"
-
 
 KINDS = (
     Declared(
@@ -63,7 +52,7 @@ KINDS = (
     Declared(
         Kind.SAID_FAILSAFE,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
-        phrase=_failsafe,
+        phrase=lambda one: one.text,
         traits=Trait.UPSET,
     ),
     Declared(
