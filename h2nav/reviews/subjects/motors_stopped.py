@@ -83,7 +83,7 @@ def _unpowered(evidence: FlightEvidence) -> tuple[float, str] | None:
     for first, last in runs(falls):
         t_s = float(bins.t_s[first])
         if (last - first + 1) * STEP_S >= FALLS_S and np.isfinite(falls_from_s(track, t_s)):
-            return t_s, f"no thrust, although {usual:.0%} of it was asked for"
+            return t_s, f"no thrust, although {usual:.0%} of their range was asked for"
     return None
 
 

@@ -50,6 +50,19 @@ def outputs_off(copter: Copter, t_s: float) -> None:
         copter.stopped = True
 
 
+def supply_off(copter: Copter, t_s: float) -> None:
+    """The motors' supply alone: they are asked, and give nothing."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.effective[:] = 0.0
+
+
+def throttle_down(copter: Copter, t_s: float) -> None:
+    """STABILIZE, nose down, the throttle low: it falls at less than half of its weight."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.set_mode("STABILIZE")
+        copter.sticks = Sticks(pitch=-0.9, throttle=0.18)
+
+
 def propeller_slips(copter: Copter, t_s: float) -> None:
     """Motor 2 loses its thrust for parts of a second, and comes back: an ESC that loses step."""
     if prepared(copter, t_s, HIGH_M):
@@ -130,9 +143,15 @@ LOST = (
     (into_a_tree, 32.0, r"It struck something at 2\d s, .*then it crashed at 2\d s"),
     (stick_down, 28.0, r"Flown into the ground by the pilot's demand at 2\d s with \d m/s\."),
     (gyro_off, 30.0, r"A gyro's bias jumped at 17 s, .*then it crashed"),
+    (
+        throttle_down,
+        28.0,
+        r"Flown into the ground by the pilot's demand at [12]\d s with \d+ m/s\.",
+    ),
     (power_fails, AT_S, r"The log ends in the air, [12]\d m above where it began\."),
     (propeller_slips, 40.0, r"Motor 2 gave no thrust at 17 s, .*then it crashed at"),
     (battery_empties, 40.0, r"The battery was low \(\d\.\d V\) at 2\d s, .*then it crashed at"),
+    (supply_off, 28.0, STOPPED + r"\(no thrust, although .*\) at 17 s, then it crashed"),
     (outputs_off, 30.0, STOPPED + r"\(all outputs .*\) at 17 s, then it crashed at [12]\d s"),
     (compasses_turn, 50.0, r"Compasses 1 and 2 changed together at 17 s, .*then it crashed"),
     (barometer_drifts, 62.0, r"No crash\. The barometer drifted by \+1\d m from [12]\d s on"),
@@ -140,7 +159,7 @@ LOST = (
 )
 
 
-@pytest.mark.parametrize(("script", "end_s", "says"), few_rows(7, LOST))
+@pytest.mark.parametrize(("script", "end_s", "says"), few_rows(8, LOST))
 def test_the_first_sentence_says_what_began_it(tmp_path, script, end_s, says):
     said = sentence(tmp_path, script, end_s)
     assert re.match(says, said), said
