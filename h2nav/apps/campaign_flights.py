@@ -72,7 +72,6 @@ def fly(draw: Draw) -> dict[str, Any]:
     pipeline = Pipeline(service, chosen.output.component_id, outlets)
     pipeline.link(HOST_NS, True)
     for envelope, message in events(flight):
-        pipeline.tick(envelope.t_ns)
         pipeline.imported(envelope, message)
     heard = HeardDraw(
         listener.t_us,

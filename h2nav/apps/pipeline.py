@@ -261,8 +261,10 @@ class Pipeline:
                 self._fault(t_ns, message_name(msg_id), error)
 
     def imported(self, envelope: Envelope, message: Message) -> None:
-        """Processes an event of an autopilot's own log."""
+        """Processes an event of an autopilot's own log, after what is due by the clock."""
         t_ns = envelope.t_ns
+        if t_ns >= self._timer_ns:
+            self.tick(t_ns)
         if self._observer is not None:
             self._observer.message(t_ns, message)
         try:

@@ -277,6 +277,7 @@ class Playback:
         before: Callable[[int], object] | None,
     ) -> Iterator[int]:
         """Plays a log whose events are not bytes."""
+        t_ns = due_ns = 0
         for envelope, message in log.events():
             t_ns = envelope.t_ns
             if self._first_ns is None:
@@ -286,8 +287,12 @@ class Playback:
             if before is not None:
                 before(t_ns)
             for pipeline in pipelines:
-                pipeline.tick(t_ns)
                 pipeline.imported(envelope, message)
+            if t_ns >= due_ns:
+                due_ns = t_ns + TICK_NS
+                self._passed(t_ns)
+                yield t_ns
+        if self._newest_ns < t_ns:
             self._passed(t_ns)
             yield t_ns
 

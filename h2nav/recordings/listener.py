@@ -82,6 +82,7 @@ class Listener:
 
     Args:
         make: creates a filter that gets the same inputs and returns the estimates; None = none.
+        now_us: holds the host time of the latest arrival, one for all IMUs; None = a new one.
 
     Attributes:
         name: of the filter.
@@ -90,9 +91,13 @@ class Listener:
         others: of the further IMUs, in order.
     """
 
-    def __init__(self, make: Callable[[Identity], AttitudeFilter] | None = None) -> None:
+    def __init__(
+        self,
+        make: Callable[[Identity], AttitudeFilter] | None = None,
+        now_us: list[int] | None = None,
+    ) -> None:
         self.name = "listener"
-        self._now_us = 0
+        self._now_us = now_us or [0]
         self.stretches = [Stretch()]
         self.identity: Identity | None = None
         self._vehicle: VehicleState | None = None
@@ -115,13 +120,11 @@ class Listener:
 
     def arrives(self, t_ns: int) -> None:
         """Sets the host time of arrival of what follows."""
-        self._now_us = t_ns // 1000
-        for other in self.others:
-            other.arrives(t_ns)
+        self._now_us[0] = t_ns // 1000
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Records a sample."""
-        self.stretches[-1].add(sample, self._now_us)
+        self.stretches[-1].add(sample, self._now_us[0])
         return None if self._filter is None else self._filter.update(sample)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
@@ -163,8 +166,7 @@ class Listener:
 
     def _next_other(self) -> "Listener":
         if self._further == len(self.others):
-            self.others.append(Listener(self._make))
-            self.others[-1].arrives(1000 * self._now_us)
+            self.others.append(Listener(self._make, self._now_us))
         self._further += 1
         return self.others[self._further - 1]
 
