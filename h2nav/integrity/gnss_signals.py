@@ -67,6 +67,7 @@ class SignalWatch:
         self._usual: deque[SignalLevels] = deque(maxlen=USUAL_ROWS)
         self._levels_us = 0
         self._counts: deque[tuple[int, int]] = deque(maxlen=MAX_COUNTS)
+        self._most = 0  # of all counts taken so far; their median is no larger
         self._few_us: int | None = None
 
     def levels(self, t_us: int, measured: SignalLevels) -> None:
@@ -85,7 +86,10 @@ class SignalWatch:
         if counts and not 0 < t_us - counts[-1][0] < JUST_US:
             counts.clear()
             self._few_us = self.lost = None
-        usual = [n for at_us, n in counts if JUST_US < t_us - at_us <= BEFORE_US]
+        self._most = max(self._most, satellites)
+        # The median is looked for only where so few satellites may be less than a share of it.
+        are_few = satellites <= LEFT_SHARE * self._most
+        usual = [n for at_us, n in counts if JUST_US < t_us - at_us <= BEFORE_US] if are_few else []
         most = median(usual) if len(usual) >= MIN_COUNTS else 0.0
         if self.lost is not None:
             most = self.lost[0]
