@@ -35,7 +35,7 @@ from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.twins import Twins
-from h2nav.wire.imu import NUMBERED_IDS, ImuMessage, ImuReading
+from h2nav.wire.imu import NUMBERED_IDS, RECORDED_IMU, ImuMessage, ImuReading
 from h2nav.wire.vehicle import ParameterValue, Vibration
 
 LOOK_NS = 50_000_000
@@ -301,8 +301,7 @@ class Estimation:
         incoming = tuple.__new__(Incoming, (t_ns, message_id, reading, newest_sent))
         steps: list[tuple[Lane, Step]] = []
         is_accused = False
-        route = self.routes.get(message_id)
-        takers = route[1] if route and t_ns <= route[0] else self._takers(t_ns, message_id)
+        takers = self._takers_of(t_ns, message_id, reading)
         is_numbered = message_id in NUMBERED_IDS
         for lane, need in takers:
             before = lane.newest
@@ -334,6 +333,15 @@ class Estimation:
             if lane is self._sent:
                 sent = self._sendable(t_ns, step, switched)
         return sent._replace(is_accused=True) if is_accused else sent
+
+    def _takers_of(self, t_ns: int, message_id: int, reading: ImuReading) -> Takers:
+        """Who takes a reading that has come."""
+        route = self.routes.get(message_id)
+        takers = route[1] if route and t_ns <= route[0] else self._takers(t_ns, message_id)
+        if message_id == RECORDED_IMU and self._are_several:
+            # It names its IMU, and its field is of no use to the lane of another.
+            return tuple(taker for taker in takers if taker[0].imu == reading.imu)
+        return takers
 
     def _revise_routes(
         self, lane: Lane, need: Need, step: Step, message: ImuMessage | None
@@ -439,11 +447,11 @@ class Estimation:
         self._compare_compasses(t_ns)
         self._restart_lanes(t_ns)
         sent = self._lane
-        switch = self._selection.look(
-            t_ns,
-            sent.imu,
-            {lane.imu: self._condition(t_ns, lane, sent) for lane in self._lanes},
-        )
+        conditions = {sent.imu: self._condition(t_ns, sent, sent)}
+        if conditions[sent.imu].may_be_left:
+            others = (lane for lane in self._lanes if lane is not sent)
+            conditions |= {lane.imu: self._condition(t_ns, lane, sent) for lane in others}
+        switch = self._selection.look(t_ns, sent.imu, conditions)
         return self._switched(switch) if switch is not None else ""
 
     def _choose_lender(self, t_ns: int) -> None:

@@ -30,6 +30,9 @@ class Judgement:
 
     Args:
         judged: the sources; each kind and source comes from one of them only.
+
+    Attributes:
+        objections: faults that make the attitude that is sent untrustworthy.
     """
 
     def __init__(self, report: Report, *judged: Judged) -> None:
@@ -38,6 +41,7 @@ class Judgement:
         self._findings = Findings()
         self._start_ns: int | None = None
         self._looked_ns = 0
+        self.objections: tuple[Objection, ...] = ()
         self.due_ns = 0  # nothing is reported before this time, except at once
         self._again_ns = 0
         self._untold: set[tuple[str, Severity]] = set()  # alarms that have not been told yet
@@ -56,12 +60,6 @@ class Judgement:
     def alarms(self) -> tuple[Alarm, ...]:
         """The present alarms."""
         return self._findings.alarms
-
-    @property
-    def objections(self) -> tuple[Objection, ...]:
-        """Faults that make the attitude that is sent untrustworthy."""
-        wrong = (alarm for alarm in self._findings.alarms if alarm.degrades)
-        return tuple(Objection(alarm.cause, alarm.notice) for alarm in wrong)
 
     def look(self, t_ns: int, *, at_once: bool = False) -> list[Effect]:
         """Called at a message; reports changes since the last call.
@@ -82,6 +80,8 @@ class Judgement:
         if t_ns < self._again_ns:
             alarms = []
         begun, news, worse = self._findings.update((t_ns - self._start_ns) * 1e-9, alarms)
+        wrong = (alarm for alarm in self._findings.alarms if alarm.degrades)
+        self.objections = tuple(Objection(alarm.cause, alarm.notice) for alarm in wrong)
         effects: list[Effect] = [Found(phase, finding) for phase, finding in news]
         return effects + self._tell(t_ns, (*begun, *worse))
 

@@ -43,6 +43,12 @@ class Condition(NamedTuple):
     is_shaken: bool = False  # its sensors vibrate beyond their range
     compass_is_wrong: bool = False  # other compasses and velocities contradict its own
 
+    @property
+    def may_be_left(self) -> bool:
+        """Whether anything is wrong with it, so that others are worth a look."""
+        fails = self.ratio > 1.0 or self.field_ratio > 1.0
+        return fails or self.is_silent or self.is_shaken or self.compass_is_wrong
+
 
 class Switch(NamedTuple):
     """A switch to another lane."""

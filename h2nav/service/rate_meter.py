@@ -56,6 +56,8 @@ class RateMeter:
         self._snapshots: list[_Snapshot] = []
         self._times_ns: list[int] = []  # of the snapshots, to find one quickly
         self._first_ns: dict[int, int] = {}
+        # Rates asked for since the latest snapshot, by message and span.
+        self._rates: dict[tuple[int, int], float | None] = {}
 
     def restart(self) -> None:
         """Forgets all arrivals."""
@@ -64,11 +66,13 @@ class RateMeter:
         self._snapshots.clear()
         self._times_ns.clear()
         self._first_ns.clear()
+        self._rates.clear()
 
     def sample(self, t_ns: int) -> bool:
         """Takes a snapshot at host time `t_ns`; returns False if it is not yet due."""
         if self._times_ns and t_ns - self._times_ns[-1] < SAMPLING_NS:
             return False
+        self._rates.clear()
         if len(self._places) < len(self.counts):
             self._places = {message_id: place for place, message_id in enumerate(self.counts)}
             for message_id in self.counts.keys() - self._first_ns.keys():
@@ -92,6 +96,12 @@ class RateMeter:
 
     def hz(self, message_id: int, span_ns: int = SPAN_NS) -> float | None:
         """The rate over the last `span_ns`; None in the first second after the first arrival."""
+        key = message_id, span_ns
+        if key not in self._rates:
+            self._rates[key] = self._measured(message_id, span_ns)
+        return self._rates[key]
+
+    def _measured(self, message_id: int, span_ns: int) -> float | None:
         first_ns = self._first_ns.get(message_id)
         if first_ns is None:
             return None

@@ -115,9 +115,7 @@ class Job:
     due_ns: int = 0  # the next time
 
     def effects(self, t_ns: int) -> list[Effect]:
-        """Does it if it is due."""
-        if t_ns < self.due_ns:
-            return []
+        """Does it, when it is due."""
         self.due_ns = t_ns + self.pause_ns()
         return self.run(t_ns)
 
@@ -397,7 +395,8 @@ class Service:
         """Does what is due: heartbeats, requests, reports. Called at `next_timer_ns`."""
         effects = self._judge(t_ns)
         for job in self._jobs:
-            effects += job.effects(t_ns)
+            if t_ns >= job.due_ns:
+                effects += job.effects(t_ns)
         if self._link_error is None:
             effects += [self._send(text) for text in self._notices.status_texts(t_ns)]
         return effects
@@ -657,7 +656,7 @@ class Service:
         return DENIED_IMU if self._wanted.imu_is_denied else SILENT_IMU
 
     def _signs(self, t_ns: int) -> Signs:
-        units = (Objection(f"units {what}", text) for what, text in self._units.complaints)
+        units = [Objection(f"units {what}", text) for what, text in self._units.complaints]
         return Signs(
             link_error=self._link_error,
             stall_ns=self._pulse.stall_ns(t_ns),

@@ -1,5 +1,6 @@
 """Which lane is sent: hysteresis, and what is no cause."""
 
+import itertools
 import math
 
 import pytest
@@ -37,6 +38,18 @@ def test_a_failing_test_has_to_last():
     at_s, switch = first_switch(GOOD._replace(ratio=1.5), GOOD)
     assert switch == Switch(1, SwitchCause.WORSE)
     assert at_s == pytest.approx(0.5)
+
+
+def test_only_a_lane_that_may_be_left_is_left():
+    ratios = (0.1, 0.9, 1.0, 1.5, math.inf, math.nan)
+    flags = (False, True)
+    left = {False: 0, True: 0}
+    for ratio, field, noise in itertools.product(ratios, ratios, (0.0, 9.0)):
+        for silent, shaken, wrong in itertools.product(flags, flags, flags):
+            lane = Condition(True, silent, ratio, field, noise, shaken, wrong)
+            left[lane.may_be_left] += first_switch(lane, GOOD, until_s=3.0) is not None
+    assert left[False] == 0
+    assert left[True] > 100
 
 
 def test_a_ratio_that_comes_and_goes_is_no_cause():
