@@ -2,12 +2,14 @@
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from h2nav.attitude.samples import Quat
-from h2nav.log.recorder import RecorderRecord
 from h2nav.maths import quaternion
 from h2nav.service.records import EstimateRecord, HealthRecord, StatusRecord
+
+if TYPE_CHECKING:  # a daemon may write no log
+    from h2nav.log.recorder import RecorderRecord
 
 MAX_ALARMS = 4
 NOTHING = "-"
@@ -20,7 +22,7 @@ class LogSight(NamedTuple):
 
     path: Path | None  # of the current file; None before the first
     trouble: str | None  # why recording is stopped; None while it works
-    counters: RecorderRecord  # of the recorder
+    counters: "RecorderRecord"  # of the recorder
 
 
 class Sight(NamedTuple):

@@ -23,7 +23,6 @@ from h2nav.host.own_memory import give_back
 from h2nav.host.service_manager import ServiceManager
 from h2nav.integrity.severity import Severity
 from h2nav.links.links import open_link
-from h2nav.log.recorder import Recorder
 from h2nav.service.effects import Notice, Send
 from h2nav.service.service import Service, Surroundings
 
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from h2nav.apps.live_view import LiveView
     from h2nav.apps.log_fetcher import LogFetcher
     from h2nav.links.event_socket import EventSocket
+    from h2nav.log.recorder import Recorder
 
 CLOSE_WITHIN_S = 1.5
 LET_IN_NS = 100_000_000
@@ -225,7 +225,7 @@ def _log_fetcher(configuration: Configuration, watcher: Watcher) -> "LogFetcher 
 
 def _flight_keeper(
     configuration: Configuration,
-    recorder: Recorder | None,
+    recorder: "Recorder | None",
     console: Console,
     fetcher: "LogFetcher | None",
 ) -> "FlightKeeper | None":

@@ -19,19 +19,8 @@ except SystemExit:
 finally:
     print(*(f"loaded {name}" for name in sys.modules), sep="\\n", file=sys.stderr)
 """
-# Beside the standard library, and h2nav itself.
-DAEMON = {
-    "fastcrc",
-    "foxglove_schemas_protobuf",
-    "google",
-    "lz4",
-    "mcap",
-    "orjson",
-    "pymavlink",
-    "serial",
-    "yaml",
-    "zstandard",
-}
+# Beside the standard library, and h2nav itself. What writes a log is for daemons that write one.
+DAEMON = {"fastcrc", "orjson", "pymavlink", "serial", "yaml"}
 CONFIGURATION = {"fastcrc", "pymavlink", "yaml"}
 PACKAGES = {
     ("--help",): set(),
