@@ -2,10 +2,11 @@
 
 Each recording goes through the service once, as a daemon would have it, with filters in floats;
 beside each of them one in integers is given every input, doubts and restarts included, and so are
-two more in floats: one that does not learn the field's offset, and one that besides takes only the
-fields that the integers take. Their steps from the floats to the integers say what the distance is
-made of. The estimates of all for IMU 1 are compared sample by sample from a minute after the first
-one on; headings where both filters know theirs.
+two more in floats: one that does not learn the field's offset, and one that besides takes as few
+fields as the integers. The steps from the floats to the integers say what the distance is made of;
+which fields are left out is not the same, so that the last step is no smaller than the one before.
+The estimates of all for IMU 1 are compared sample by sample from a minute after the first one on;
+headings where both filters know theirs.
 
     python tools/arithmetics_table.py DIR|FILE ... [--json]
 
@@ -115,7 +116,7 @@ class Together:
 
 
 class FewerFields:
-    """A filter that gets the fields of those samples only that the integers turn a field with.
+    """A filter that gets the fields of as many samples as the integers turn a field with.
 
     Args:
         inner: the filter.
@@ -125,7 +126,7 @@ class FewerFields:
         self._inner, self._samples = inner, 0
 
     def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes the sample, without its field where a part of the frame leaves no time for it."""
+        """Takes the sample, nine times of sixteen without its field."""
         self._samples += 1
         if (LONG_PARTS >> self._samples % FRAME) & 1:
             sample = sample._replace(m_b_ut=None)
