@@ -80,6 +80,21 @@ class SensorErrors(NamedTuple):
     field_offset_share: float = 0.0
 
 
+class SensorCorrection(NamedTuple):
+    """The errors of a sensor proved wrong, and the attitude without them; all from what is known.
+
+    Deviations are those left, one sigma.
+    """
+
+    rate_b: Vec3  # of the gyro's bias, rad/s, body
+    force_b: Vec3  # of the accelerometer's, m/s^2, body
+    turn_n: Vec3  # from the attitude to that without the errors, rotation vector in NED, rad
+    rate_sigma_b: Vec3  # of the gyro's bias, rad/s
+    force_sigma_b: tuple[float, float]  # of the accelerometer's about x and y, m/s^2
+    tilt_sigma_rad: float  # of the attitude's tilt
+    heading_sigma_rad: float  # of its heading
+
+
 class SensorDoubt(NamedTuple):
     """Sensors found wrong, and by how much: a filter estimates them anew."""
 
@@ -89,6 +104,8 @@ class SensorDoubt(NamedTuple):
     force_b: tuple[float, float] = (0.0, 0.0)
     tilt_rad: float = 0.0  # of the tilt that a sensor proved wrong has caused
     heading_rad: float = 0.0  # of the heading, likewise
+    # what a sensor proved wrong is off by, which its samples no longer contain
+    correction: SensorCorrection | None = None
 
 
 class Trust(IntFlag):

@@ -17,7 +17,8 @@ from collections.abc import Collection, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from h2nav.attitude.samples import SensorDoubt, Vec3
+from h2nav.attitude.samples import SensorCorrection, SensorDoubt, Vec3
+from h2nav.integrity.correction import WindowErrors, attitude
 from h2nav.integrity.likelihood import HypothesisFit, mean
 from h2nav.integrity.velocity_model import (
     FORCE,
@@ -30,7 +31,7 @@ from h2nav.integrity.velocity_model import (
     VelocityModel,
 )
 from h2nav.integrity.velocity_rows import VelocityRow, plus
-from h2nav.maths.quaternion import conjugate, exp, multiply, tilt_and_heading
+from h2nav.maths.quaternion import Quat, conjugate, exp, log, multiply, rotate, tilt_and_heading
 from h2nav.maths.units import DEG
 
 # Sizes of failures: gyros step by 1 deg/s with temperature and knocks, accelerometers by their data
@@ -65,6 +66,9 @@ KNOWN_HEADING_RAD = 10.0 * DEG
 DECIDED = 1000.0
 # An undecided cause takes effect by its probability, from these odds against none on.
 SUSPECTED = 100.0
+# Without a decision what is done about a cause begins here; what speaks for either of two causes.
+PROBABLY = 0.9
+SURELY = 0.99
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 MIN_SHARE = 1.0 / 9.0
@@ -117,6 +121,7 @@ class Explained(NamedTuple):
     # whether the best cause is a jump of the velocity, with rows behind it that agree again
     has_jumped: bool = False
     jumped_us: int = 0  # when the latest jump of the velocity began, if it is the best cause
+    correction: SensorCorrection | None = None  # at the window's end, if a sensor is `probable`
 
     def share(self, cause: Cause) -> float:
         """Probability of a cause."""
@@ -138,6 +143,26 @@ class Explained(NamedTuple):
         if not (self.is_contradiction and self.is_seen):
             return None
         return next((cause for cause, share in self.shares if share > 1.0 - 1.0 / DECIDED), None)
+
+    @property
+    def probable(self) -> Cause | None:
+        """The sensor of ours that is decided to be wrong, or an accelerometer that probably is.
+
+        That an accelerometer is wrong or the velocity false, the attitude without its error is that
+        by the gyro, and right. What is taken for a gyro's error turns the attitude.
+        """
+        decided = self.decided
+        if decided in (Cause.GYRO, Cause.ACCELEROMETER):
+            return decided
+        is_probable = self.share(Cause.ACCELEROMETER) > PROBABLY
+        if self.is_contradiction and self.is_seen and is_probable and self.is_force_or_velocity:
+            return Cause.ACCELEROMETER
+        return None
+
+    @property
+    def is_force_or_velocity(self) -> bool:
+        """Whether the accelerometer is wrong or the velocity false, and nothing else."""
+        return self.share(Cause.ACCELEROMETER) + self.share(Cause.VELOCITY) > SURELY
 
 
 NOTHING = Explained()
@@ -266,7 +291,8 @@ class _Comparison:
         rate_b = force_b = (0.0, 0.0, 0.0)
         # Samples of a shaken force do not show its mean: nothing can be estimated from them.
         if self._shaken <= SHAKING_DENSITY:
-            rate_b, force_b = self._rate(variants), self._force(variants)
+            rate_b, _ = self._biases(self._errors(_likeliest_of(Cause.GYRO, variants)))
+            _, force_b = self._biases(self._errors(_likeliest_of(Cause.ACCELEROMETER, variants)))
         found = Explained(
             max(best - none, 0.0),
             shares,
@@ -290,26 +316,35 @@ class _Comparison:
             if not mine or share * SUSPECTED < 1.0:
                 continue
             likeliest, weight = _likeliest(mine), math.sqrt(max(share, MIN_SHARE))
-            tilt, heading = self._astray(likeliest)
+            tilt, heading = tilt_and_heading(self._turn(self._errors(likeliest)))
             tilts.append(weight * tilt)
             headings.append(weight * abs(heading))
             if likeliest.drifts:
                 own = likeliest.fit.unknowns()[-likeliest.own :]
                 drift = weight * math.hypot(*own[:2])
-        return found._replace(tilt_rad=max(tilts), heading_rad=max(headings), drift_m_s2=drift)
+        found = found._replace(tilt_rad=max(tilts), heading_rad=max(headings), drift_m_s2=drift)
+        wrong = found.probable
+        if wrong is None or self._shaken > SHAKING_DENSITY:
+            return found
+        likeliest = _likeliest_of(wrong, variants)
+        errors, attitude_n = self._errors(likeliest), attitude(self._known.moment)
+        correction = errors.correction(rotate(conjugate(attitude_n), (0.0, 0.0, 1.0)))
+        rate_b, force_b = self._biases(errors)
+        turn_n = log(self._turn(errors))
+        correction = correction._replace(rate_b=rate_b, force_b=force_b, turn_n=turn_n)
+        return found._replace(correction=correction)
 
-    def _astray(self, one: _Variant) -> tuple[float, float]:
-        """Tilt and heading from the filter's attitude to that by a cause, now."""
-        found, columns = one.fit.unknowns(), self._columns
-        turn = plus(columns.used_n, 1.0, (found[TILT], found[TILT + 1], found[HEADING]))
-        for unknown, in_all in zip(found[RATE:FORCE], columns.turned_in_all, strict=True):
-            turn = plus(turn, unknown, in_all)
-        if one.cause is Cause.GYRO and one.own:
-            axes = zip(columns.turned_in_all[:3], columns.turned[one.begun], strict=True)
-            for unknown, (in_all, before) in zip(found[-one.own :], axes, strict=True):
-                turn = plus(plus(turn, unknown, in_all), -unknown, before)
+    def _errors(self, one: _Variant) -> WindowErrors:
+        """The errors of attitude and sensors by a cause."""
+        is_gyro = one.cause is Cause.GYRO and one.own > 0
+        has_force = one.cause is Cause.ACCELEROMETER and one.own > 0
+        rate_from = one.begun if is_gyro else None
+        return WindowErrors(one.fit, self._columns, rate_from=rate_from, has_force=has_force)
+
+    def _turn(self, errors: WindowErrors) -> Quat:
+        """From the filter's attitude at the window's end to that by a cause."""
         first, now = self._rows[0].begun.moment, self._known.moment
-        return tilt_and_heading(multiply(exp(turn), multiply(first.q_ns, conjugate(now.q_ns))))
+        return multiply(exp(errors.turn_n), multiply(first.q_ns, conjugate(now.q_ns)))
 
     def _seen_by_another(self, one: _Variant) -> _Variant:
         """The variant with how likely another IMU's sensor shows what it shows."""
@@ -487,33 +522,26 @@ class _Comparison:
         shaken = self._window.with_noise(max(density, self._shaken))
         return shaken.level + shaken.fit(self._sound).likelihood - self._model.level
 
-    def _rate(self, variants: Sequence[_Variant]) -> Vec3:
-        """Error of the gyro's bias at present, without what the filter has corrected since."""
-        mine = [one for one in variants if one.cause is Cause.GYRO]
-        best = _likeliest(mine)
-        found = best.fit.unknowns()
-        x, y, z = found[RATE : RATE + 3]
-        if best.own:
-            u, v, w = found[-best.own :]
-            x, y, z = x + u, y + v, z + w
-        a, b = self._rows[0].begun.moment.bias_b, self._known.moment.bias_b
-        return (x - b[0] + a[0], y - b[1] + a[1], z - b[2] + a[2])
+    def _biases(self, errors: WindowErrors) -> tuple[Vec3, Vec3]:
+        """Errors of the biases of gyro and accelerometer by a cause.
 
-    def _force(self, variants: Sequence[_Variant]) -> Vec3:
-        """Error of the accelerometer's bias at present, likewise."""
-        mine = [one for one in variants if one.cause is Cause.ACCELEROMETER]
-        best = _likeliest(mine)
-        found = best.fit.unknowns()
-        x, y = found[FORCE : FORCE + 2]
-        if best.own:
-            u, v = found[-best.own :]
-            x, y = x + u, y + v
-        a, b = self._rows[0].errors.force_bias_b, self._known.errors.force_bias_b
-        return (x - b[0] + a[0], y - b[1] + a[1], 0.0)
+        At present, without what the filter has corrected since.
+        """
+        first, known = self._rows[0], self._known
+        rate_b = plus(
+            plus(errors.rate_b, 1.0, first.begun.moment.bias_b), -1.0, known.moment.bias_b
+        )
+        u, v, _ = plus(errors.force_b, 1.0, first.errors.force_bias_b)
+        a, b, _ = known.errors.force_bias_b
+        return rate_b, (u - a, v - b, 0.0)
 
 
 def _likeliest(variants: Sequence[_Variant]) -> _Variant:
     return max(variants, key=lambda one: one.likelihood)
+
+
+def _likeliest_of(cause: Cause, variants: Sequence[_Variant]) -> _Variant:
+    return _likeliest([one for one in variants if one.cause is cause])
 
 
 def _has_begun(mine: Sequence[_Variant]) -> bool:

@@ -16,6 +16,7 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    SensorCorrection,
     SensorDelays,
     SensorDoubt,
     SensorErrors,
@@ -25,7 +26,16 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.cause_alarms import cause_alarm
-from h2nav.integrity.causes import NOTHING, SUSPECTED, Cause, Explained, doubt_of, explain
+from h2nav.integrity.causes import (
+    NOTHING,
+    PROBABLY,
+    SUSPECTED,
+    Cause,
+    Explained,
+    doubt_of,
+    explain,
+)
+from h2nav.integrity.correction import advanced
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
@@ -45,7 +55,7 @@ from h2nav.integrity.receiver import LearntReceiver
 from h2nav.integrity.sensor_checks import Use, is_bad, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
 from h2nav.integrity.velocity_model import Known
-from h2nav.integrity.velocity_rows import VelocityRows
+from h2nav.integrity.velocity_rows import VelocityRows, plus
 from h2nav.integrity.velocity_windows import (
     GATE,
     LENGTHS_S,
@@ -68,6 +78,8 @@ SUSPICIOUS_RATIO = 0.2
 # A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro. A
 # velocity that is decided to have jumped, and agrees again, begins like nothing else.
 BLAME_US = 2_500_000
+# Odds at which nothing is learnt of the receiver for a while.
+LIKELY = 10.0
 # An undecided sensor is estimated anew after a suspicion of this duration.
 SUSPECTED_US = 700_000
 # An older contradiction is explained at this interval only.
@@ -104,8 +116,6 @@ ALIASED = 3.0
 SHAKEN_M_S2 = 1.0
 # A force that shakes by more, rms, is rectified by tenths: it shows no velocity to be false.
 RECTIFIED_M_S2 = 5.0
-# A velocity that is false with this probability is not used while that is undecided.
-PROBABLY = 0.9
 # One that was found false is used again when the force of 10 s has agreed with it within a harmless
 # tilt for as long, or within the deviations for 30 s; or when its falsehood has
 # become this improbable; at the latest it is heard as if for the first time after this.
@@ -114,11 +124,20 @@ PROVED_US = 10_000_000
 PASSED_US = 30_000_000
 IMPROBABLE = 0.1
 REFUSED_US = 120_000_000
+# While either the force or the velocity is false, and nothing else, neither corrects the tilt: the
+# gyro carries it, for so long that its bias turns it by no more than is harmless.
+WITHHELD_US = 30_000_000
+# An attitude is only corrected as far as turns that add up are small.
+LINEAR_RAD = 10.0 * DEG
+# A sensor that was corrected is still told to be wrong while it is by this share of what was found.
+REMAINS = 0.5
 # A jump of the velocity may be its way back from a falsehood that it was suspected of in this time
 # before.
 FALSE_US = 300_000_000
 # So far apart two windows may place one jump.
 SAME_JUMP_US = 5_000_000
+# The longest window still shows a jump.
+SEEN_US = round(1.2e6 * LONG_S)
 # A field used this recently holds the heading.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -136,6 +155,15 @@ class Speeds(NamedTuple):
 
     horizontal_m_s: float
     vertical_m_s: float = CLIMB_SPEED_M_S
+
+
+class _Corrected(NamedTuple):
+    """A sensor whose error has been taken off its samples."""
+
+    cause: Cause
+    shown: Explained  # by what
+    before_b: Vec3  # its bias before, rad/s or m/s^2
+    since_us: int  # when it began to contradict
 
 
 class Monitor:
@@ -168,6 +196,10 @@ class Monitor:
         self._rows = VelocityRows()
         self._receiver = LearntReceiver()
         self._explained, self._explained_us = NOTHING, 0
+        # since when force and velocity are withheld
+        self._withheld_us: int | None = None
+        self._corrected: _Corrected | None = None
+        self._found_b: Vec3 = (0.0, 0.0, 0.0)  # taken off the force in all, m/s^2
         self._bent_us: int | None = None  # when a sensor of ours was last decided to be wrong
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
@@ -182,7 +214,7 @@ class Monitor:
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._cleared: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
-        self._unsettled_us = 0  # when the tilt was last unsettled
+        self._unsettled_from_us = self._unsettled_us = 0  # when the tilt was last unsettled
         self._tilt_rad = self._heading_rad = 0.0
         self._drift_tilt_rad, self._drift_us = 0.0, 0
         # when it last may have drifted by more than is harmless
@@ -238,7 +270,8 @@ class Monitor:
             It with deviations increased to the errors that measurements show.
         """
         t_us, _, force, _, clipped = sample
-        apart_us: float = t_us - self._sample_us
+        before_us = self._sample_us
+        apart_us: float = t_us - before_us
         apart_us = min(apart_us, 2.0 * SLOW_US)
         self._period_us += SLOW_SHARE * (apart_us - self._period_us)
         self._sample_us = t_us
@@ -248,8 +281,10 @@ class Monitor:
         else:
             bits, trust = self._strapdown.add(t_us, estimate), int(estimate.trust)
             if not trust & CONVERGED:
+                if self._unsettled_us < before_us:
+                    self._unsettled_from_us = t_us
                 self._unsettled_us = t_us
-            if trust & FIELD_USED:
+            if trust & FIELD_USED or (self.force_is_withheld and self._field_holds):
                 self._field_used_us = t_us
             if self.field_is_frozen:
                 self._field.restart()
@@ -302,6 +337,7 @@ class Monitor:
         self._velocity.use_receiver(self._receiver.errors)
         if not self._velocity.take(fix, errors):
             return None
+        self._review_correction(errors, self._velocity.marks[-1].moment.bias_b)
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
         self._windows = [window for window in windows if window is not None]
         of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
@@ -328,19 +364,29 @@ class Monitor:
                 rows.force_density,
                 rows.usual_m_s2,
             )
-            if self._receiver.learn(rows.rows, known):
-                # Earlier velocities were corrected otherwise.
-                self._velocity.restart()
-                self._rows.restart()
-                self._forget_cause()
-                return None
         self._hear_velocity(t_us, None)
-        is_settled = t_us - self._unsettled_us > LONG_S * 1e6
-        if not is_settled or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
+        doubt = None
+        if not self._began_settled(t_us) or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
             self._forget_cause()
         elif known is not None and t_us - self._explained_us >= self._spacing_us(t_us):
-            return self._search(t_us, known)
-        return None
+            doubt = self._search(t_us, known)
+        # A fault that begins looks like a late velocity: its cause is looked for first.
+        since_us = self._suspected_us
+        is_new = self._explained.odds > math.log(LIKELY)
+        is_new = is_new and (since_us is None or t_us - since_us < OLD_US)
+        if known is not None and not is_new and self._receiver.learn(rows.rows, known):
+            # Earlier velocities were corrected otherwise.
+            self._velocity.restart()
+            self._rows.restart()
+            self._forget_cause()
+            return None
+        return doubt
+
+    def _began_settled(self, t_us: int) -> bool:
+        """Whether the tilt was settled when the window began, whatever the filter did since."""
+        rows = self._rows.rows
+        begun_us = rows[0].begun.moment.t_us if rows else t_us
+        return not self._unsettled_from_us <= begun_us <= self._unsettled_us
 
     def _search(self, t_us: int, known: Known) -> SensorDoubt | None:
         """Compares the causes; returns a doubt for the filter."""
@@ -364,14 +410,76 @@ class Monitor:
                 self._bent_us = t_us
             self._shown[found.decided] = found
         if not is_back:
-            is_seen_back = self._back_us is not None and t_us - self._back_us < LONG_S * 1e6
+            is_seen_back = self._back_us is not None and t_us - self._back_us < SEEN_US
             is_suspected = found.share(Cause.VELOCITY) * SUSPECTED > 1.0
             if is_suspected and self._is_told(t_us) and not is_seen_back:
                 self._doubted_us = t_us
             self._hear_velocity(t_us, found)
-        if found.decided is None and t_us - self._suspected_us < SUSPECTED_US:
+        self._withhold(t_us, found, is_back)
+        if self.velocity_is_false:
             return None
-        return None if self.velocity_is_false else doubt_of(found)
+        correction = self._correct(t_us, found, known)
+        if correction is not None:
+            return SensorDoubt(correction=correction)
+        is_new = found.decided is None and t_us - self._suspected_us < SUSPECTED_US
+        return None if is_new or self.force_is_withheld else doubt_of(found)
+
+    def _withhold(self, t_us: int, found: Explained, is_back: bool) -> None:
+        """Begins to withhold force and velocity, or ends it: a velocity that is back is right."""
+        if is_back or not found.is_contradiction or not found.is_force_or_velocity:
+            self._withheld_us = None
+        elif self._withheld_us is None:
+            self._withheld_us = t_us
+
+    @property
+    def force_is_withheld(self) -> bool:
+        """Whether either the force or the velocity is false, and only the gyro is not doubted."""
+        since_us, now_us = self._withheld_us, self._sample_us
+        if since_us is None or self.velocity_is_false:
+            return False
+        return now_us - since_us < WITHHELD_US
+
+    def _correct(self, t_us: int, found: Explained, known: Known) -> SensorCorrection | None:
+        """What the filter has to take off a sensor that has lastingly been decided to be wrong.
+
+        Everything is measured anew behind it: earlier windows contain the error.
+        """
+        now, cause = self._strapdown.newest, self._decided
+        if found.correction is None or now is None or not self._is_told(t_us):
+            return None
+        if cause is None and t_us - (self._contradicted_us or t_us) > BLAME_US:
+            cause = found.probable  # undecided, and it remains so
+        if cause is None or cause is not found.probable or self._may_be_aliased(found):
+            return None
+        if found.correction.tilt_sigma_rad > LINEAR_RAD:
+            return None
+        before, first = self._corrected, self._rows.rows[0]
+        since_us = before.since_us if before is not None else self._contradicted_us
+        if before is not None and before.cause is cause:
+            before_b = before.before_b
+        else:
+            before_b = self._bias_of(cause, first.begun.moment.bias_b, first.errors)
+        self._corrected = _Corrected(cause, found, before_b, since_us or t_us)
+        correction = advanced(found.correction, known.moment, now)
+        self._found_b = plus(self._found_b, 1.0, correction.force_b)
+        self.restart()
+        self._tilt_rad = correction.tilt_sigma_rad
+        self._heading_rad = correction.heading_sigma_rad
+        return correction
+
+    @staticmethod
+    def _bias_of(cause: Cause, rate_b: Vec3, errors: SensorErrors) -> Vec3:
+        """The bias of a sensor as known now."""
+        return rate_b if cause is Cause.GYRO else errors.force_bias_b
+
+    def _review_correction(self, errors: SensorErrors, estimated_b: Vec3) -> None:
+        """Forgets a correction of which the filter has learnt back most, or that has ended."""
+        corrected = self._corrected
+        if corrected is None:
+            return
+        now_b = self._bias_of(corrected.cause, estimated_b, errors)
+        if math.dist(now_b, corrected.before_b) < REMAINS * corrected.shown.step:
+            self._corrected = None
 
     def _note_drift(self, t_us: int, found: Explained) -> None:
         """Notes the tilt by which a false velocity would bend the attitude, if it may be one."""
@@ -407,7 +515,7 @@ class Monitor:
             self._was_doubted_us, self._doubted_us = self._doubted_us, None
             self._back_us = None
         self._explained = NOTHING
-        self._suspected_us = self._contradicted_us = None
+        self._suspected_us = self._contradicted_us = self._withheld_us = None
         self._decisions.clear()
         self._shown.clear()
 
@@ -471,6 +579,11 @@ class Monitor:
         self._windows = []
         self._forget_cause()
         self.ratios = InnovationRatios()
+
+    def renew(self) -> None:
+        """Restarts with sensors that were wrong, and are good again."""
+        self.restart()
+        self._corrected, self._found_b = None, (0.0, 0.0, 0.0)
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""
@@ -541,6 +654,8 @@ class Monitor:
             and found.share(Cause.VELOCITY) < IMPROBABLE
         )
         is_late = t_us - self._refused_us > REFUSED_US
+        if is_proved:  # it is back
+            self._doubted_us = self._was_doubted_us = None
         if is_proved or is_improbable or is_late or not self.ratios.of_turn < 1.0:
             self._refused_us = self._refused = None
             self._decisions.pop(Cause.VELOCITY, None)
@@ -570,7 +685,7 @@ class Monitor:
             for window in self._windows
             if window.ratio > (open_ratio if window.length_s > SURE_S else 1.0)
         ]
-        tilts.append(self._velocity.biased_tilt_rad)
+        tilts.append(self._velocity.biased_tilt_rad(self._found_b))
         headings = []
         if self._explained.is_suspicious:
             tilts.append(self._explained.tilt_rad)
@@ -635,7 +750,11 @@ class Monitor:
             since_s = (t_us - self._refused_us) * 1e-6
             return [cause_alarm(self._refused, Cause.VELOCITY, self._imu, since_s)]
         if self._contradicted_us is None or not self._is_told(t_us):
-            return []
+            corrected = self._corrected
+            if corrected is None or corrected.shown.decided is None:
+                return []
+            since_s = (t_us - corrected.since_us) * 1e-6
+            return [cause_alarm(corrected.shown, corrected.cause, self._imu, since_s)]
         since_s = (t_us - self._contradicted_us) * 1e-6
         decided = self._decided
         shown = self._explained if decided is None else self._shown[decided]

@@ -42,6 +42,7 @@ Level = tuple[float, float]
 NOWHERE: Vec3 = (0.0, 0.0, 0.0)
 X_AXIS: Vec3 = (1.0, 0.0, 0.0)
 Y_AXIS: Vec3 = (0.0, 1.0, 0.0)
+Z_AXIS: Vec3 = (0.0, 0.0, 1.0)
 
 
 class ReceiverErrors(NamedTuple):
@@ -142,16 +143,24 @@ class VelocityWindows:
             del self._marks[0]
         return True
 
-    @property
-    def biased_tilt_rad(self) -> float:
+    def biased_tilt_rad(self, found_b: Vec3) -> float:
         """The tilt that the accelerometer's bias looks like, beyond what is usual of a sound one.
 
-        Its bias along z, its scale and its axes are off by as much, and nobody estimates them.
+        Its bias along z, its scale and its axes are off by as much, and nobody estimates them. Of
+        what velocities have shown at once, that along z does as much as the vehicle leans.
+
+        Args:
+            found_b: of the bias, what was shown so, m/s^2.
         """
         if not self._marks:
             return 0.0
-        square = math.hypot(*self._marks[-1].force_bias_b) ** 2 - 2.0 * FORCE_SIGMA_M_S2**2
-        return math.sqrt(max(square, 0.0)) / GRAVITY_M_S2
+        mark = self._marks[-1]
+        (x, y), (u, v, _) = mark.force_bias_b, found_b
+        square = max(math.hypot(x - u, y - v) ** 2 - 2.0 * FORCE_SIGMA_M_S2**2, 0.0)
+        if u != 0.0 or v != 0.0:
+            north, east, _ = rotate(multiply(mark.moment.q_ns, mark.moment.q_sb), Z_AXIS)
+            square += (u * u + v * v) * (north * north + east * east)
+        return math.sqrt(square) / GRAVITY_M_S2
 
     def is_stale(self, t_us: int) -> bool:
         """Whether there is no recent velocity."""

@@ -14,6 +14,7 @@ from h2nav.integrity.gnss import GnssVerdict, SignalState
 from h2nav.integrity.gnss_signals import SignalLevels
 from h2nav.integrity.witness import Witness
 from h2nav.maths.air import standard_density_kg_m3, true_airspeed_m_s
+from h2nav.maths.gravity import normal_gravity_m_s2
 from h2nav.maths.units import SECOND_NS
 from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
@@ -203,6 +204,8 @@ class Aiding:
         if field is None:
             return []
         self._estimation.use_field(field)
+        gravity_m_s2 = normal_gravity_m_s2(place.latitude_deg, place.altitude_m)
+        self._estimation.use_gravity(gravity_m_s2)
         record = AidingRecord(
             "field",
             field_norm_ut=field.norm_ut,

@@ -22,7 +22,7 @@ from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
 from h2nav.integrity.voting import FieldVoting, InertialSensor, Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
-from h2nav.maths.units import SECOND_NS
+from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
@@ -94,6 +94,7 @@ class Estimation:
         self._lanes: tuple[Lane, ...] = ()
         self._sent: Lane | None = None
         self._field: EarthField | None = None
+        self._gravity_m_s2 = GRAVITY_M_S2
         self._vehicle: VehicleState | None = None
         self._selection = LaneSelection()
         self._shaking = ReportedVibration()
@@ -139,6 +140,7 @@ class Estimation:
         self._compasses = Compasses(self._field)
         self.routes.clear()
         for lane in self._lanes:
+            lane.use_gravity(self._gravity_m_s2)
             if self._field is not None:
                 lane.use_field(self._field)
             if self._vehicle is not None:
@@ -385,6 +387,12 @@ class Estimation:
         self._before_arming.on_earth(field)
         for lane in self._lanes:
             lane.use_field(field)
+
+    def use_gravity(self, gravity_m_s2: float) -> None:
+        """Passes the local gravity to every present and later lane."""
+        self._gravity_m_s2 = gravity_m_s2
+        for lane in self._lanes:
+            lane.use_gravity(gravity_m_s2)
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Passes the vehicle's state to every present and later filter."""

@@ -13,6 +13,7 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
+    Trust,
     Vec3,
     VehicleState,
     VelocityFix,
@@ -22,7 +23,7 @@ from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2, Use
 from h2nav.integrity.voting import InertialSensor, Suspicion, Verdict
-from h2nav.maths.units import SECOND_NS
+from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
@@ -31,6 +32,7 @@ from h2nav.service.lane_selection import Condition
 from h2nav.service.lent_field import LentField
 from h2nav.service.own_bias import OwnBias
 from h2nav.service.range_end import RangeEnds
+from h2nav.service.rest_force import RestForce
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
@@ -116,6 +118,8 @@ class Lane:
         self._lent = LentField(self.imu)
         self._trust = LaneTrust(count)
         self._bias = OwnBias()
+        self._resting, self._gravity_m_s2 = RestForce(), GRAVITY_M_S2
+        self._on_ground = False
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
         self._monitor = Monitor(self.sensor, speeds)
         self._ends = RangeEnds()
@@ -358,17 +362,33 @@ class Lane:
         if self.timing.sampled(t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
             self._filter.use_delays(self.timing.delays)
             self._monitor.use_delays(self.timing.delays)
-        bias = self._bias
+        bias, known = self._bias, usable
+        if self._monitor.force_is_withheld:
+            known = usable._replace(f_b=NO_FORCE)
+        elif bias.pushes:
+            known = bias.felt(usable)
         try:
             filtered = (
-                bias.update(self._filter, usable) if bias.differs else self._filter.update(usable)
+                bias.update(self._filter, known) if bias.differs else self._filter.update(known)
             )
         except ArithmeticError:
             # A filter must not raise; if it does, the vehicle still needs the next attitude.
             self._restart("filter_error")
             return Step(usable, event=event, is_accused=is_accused)
+        if self._on_ground:
+            self._see_rest(usable, filtered)
         self._filtered = filtered if filtered is None else self._checked(usable, filtered)
         return tuple.__new__(Step, (usable, self._filtered, event, is_accused))
+
+    def _see_rest(self, sample: ImuSample, filtered: AttitudeEstimate | None) -> None:
+        """Measures the accelerometer's bias by the size of the force at rest."""
+        if filtered is None or not filtered.trust & Trust.REST or sample.clipped:
+            self._resting.interrupt()
+            return
+        (x, y, z), (u, v, w) = sample.f_b, self._bias.found_b
+        found = self._resting.add(sample.t_us, (x - u, y - v, z - w), self._gravity_m_s2)
+        if found is not None:
+            self._bias.rest(found)
 
     def refuse(self, t_ns: int, reason: str) -> None:
         """Counts a rejected reading."""
@@ -400,8 +420,13 @@ class Lane:
         self._filter.use_field(field)
         self._monitor.use_field(field)
 
+    def use_gravity(self, gravity_m_s2: float) -> None:
+        """Takes the local gravity."""
+        self._gravity_m_s2 = gravity_m_s2
+
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Passes the vehicle's state on."""
+        self._on_ground = vehicle.on_ground is True
         self._filter.use_vehicle(vehicle)
         self._monitor.use_vehicle(vehicle)
 
@@ -410,8 +435,10 @@ class Lane:
         if self._intake.newest_us is not None:
             self._velocity_is_dependent |= not fix.independent
             fix = self._monitor.corrected(fix)
-            doubt = self._monitor.fix(fix, self._filter.sensor_errors)
+            doubt = self._monitor.fix(fix, self._bias.errors(self._filter.sensor_errors))
             if doubt is not None:
+                if doubt.correction is not None:
+                    self._bias.correct(doubt.correction)
                 self._filter.doubt(doubt)
             if not self._monitor.velocity_is_false:
                 self._filter.use_velocity(fix)
@@ -464,7 +491,8 @@ class Lane:
         The filter takes over the state of the other one, but keeps its own gyro's bias.
         """
         self._trust.renew()
-        self._monitor.restart()
+        self._monitor.renew()
+        self._bias.forget_found()
         if other is None or other._filtered is None:
             self._filter.restart()
             return
@@ -475,6 +503,7 @@ class Lane:
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
+        self._bias.forget_force()
         self._lent.restart()
         self.newest = self._filtered = None
         self._monitor, self._told_verdict = self._monitor.anew(), None

@@ -1,7 +1,13 @@
-"""The gyro bias of a lane whose filter has taken over the state of another lane's filter."""
+"""Errors of a lane's sensors that its filter does not hold."""
 
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Vec3
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    ImuSample,
+    SensorCorrection,
+    SensorErrors,
+    Vec3,
+)
 from h2nav.maths.units import SECOND_NS
 
 # A bias counts as known from this long before a fault was detected.
@@ -10,11 +16,22 @@ NO_OFFSET: Vec3 = (0.0, 0.0, 0.0)
 
 
 class OwnBias:
-    """Corrects the rates by the difference between this gyro's bias and that of the state."""
+    """Corrects the samples by them.
+
+    A filter may have the state, and the gyro's bias, of another lane's filter; what a sensor was
+    found to be wrong by may be more than a filter's bias can be; and no filter estimates the
+    accelerometer's bias along z.
+
+    Attributes:
+        differs: the rates have to be corrected.
+        pushes: the forces have to be corrected.
+    """
 
     def __init__(self) -> None:
-        self.differs = False  # the rates have to be corrected
+        self.differs = self.pushes = False
         self._offset = NO_OFFSET
+        # of the accelerometer, as found in flight and at rest
+        self._found = self._resting = self._force = NO_OFFSET
         self._known: list[tuple[int, Vec3]] = []
 
     def learn(self, t_ns: int, bias_b: Vec3) -> None:
@@ -34,8 +51,47 @@ class OwnBias:
 
     def shift(self, moved: Vec3) -> None:
         """Notes by how much the gyro's zero has moved since it was known, rad/s."""
-        a, b, c = moved
-        self._known = [(t_ns, (x + a, y + b, z + c)) for t_ns, (x, y, z) in self._known]
+        self._known = [(t_ns, _plus(bias_b, moved)) for t_ns, bias_b in self._known]
+
+    def correct(self, found: SensorCorrection) -> None:
+        """Takes what gyro and accelerometer were found to be wrong by."""
+        self.shift(found.rate_b)
+        self._offset, self.differs = _plus(self._offset, found.rate_b), True
+        self._set_force(_plus(self._found, found.force_b), self._resting)
+
+    @property
+    def found_b(self) -> Vec3:
+        """By what the accelerometer was found to be wrong in flight, m/s^2."""
+        return self._found
+
+    def errors(self, of_filter: SensorErrors) -> SensorErrors:
+        """The errors of the lane's sensors by those that its filter knows of."""
+        if not self.pushes:
+            return of_filter
+        return of_filter._replace(force_bias_b=_plus(of_filter.force_bias_b, self._force))
+
+    def rest(self, force_b: Vec3) -> None:
+        """Takes the accelerometer's bias by the norm of the force at rest, m/s^2."""
+        self._set_force(self._found, force_b)
+
+    def forget_found(self) -> None:
+        """Forgets by what the accelerometer was wrong in flight: it is good again."""
+        self._set_force(NO_OFFSET, self._resting)
+
+    def forget_force(self) -> None:
+        """Forgets the accelerometer's errors: it has been switched on again."""
+        self._set_force(NO_OFFSET, NO_OFFSET)
+
+    def _set_force(self, found: Vec3, resting: Vec3) -> None:
+        self._found, self._resting, self._force = found, resting, _plus(found, resting)
+        self.pushes = self._force != NO_OFFSET
+
+    def felt(self, sample: ImuSample) -> ImuSample:
+        """The sample with the force that the accelerometer should have shown, if it has one."""
+        if sample.f_b == NO_OFFSET:
+            return sample
+        (x, y, z), (a, b, c) = sample.f_b, self._force
+        return sample._replace(f_b=(x - a, y - b, z - c))
 
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
         """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""
@@ -43,5 +99,8 @@ class OwnBias:
         filtered = chosen.update(sample._replace(w_b=(x - a, y - b, z - c)))
         if filtered is None:
             return None
-        u, v, w = filtered.bias_b
-        return filtered._replace(bias_b=(u + a, v + b, w + c))
+        return filtered._replace(bias_b=_plus(filtered.bias_b, self._offset))
+
+
+def _plus(one: Vec3, other: Vec3) -> Vec3:
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]

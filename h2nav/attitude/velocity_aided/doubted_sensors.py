@@ -36,6 +36,14 @@ class DoubtedSensors(ABC):
         if doubt.tilt_rad > 0.0:
             self._open_attitude(doubt.tilt_rad, doubt.heading_rad)
 
+    def _know_biases(self, rate: Vec3, force: tuple[float, float]) -> None:
+        """Sets the deviations of the biases, rad/s and m/s^2."""
+        g = self._gains.kernel
+        x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in rate)
+        self._set_gyro_variance((x, y, z))
+        a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS_G**2) for sigma in force)
+        self._set_aided_variances((a, b), self.sensor_errors.fix_latency_variance)
+
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
         """Starts with sensors whose errors are corrected, known as well as so long ago."""
         g = self._gains.kernel

@@ -26,7 +26,7 @@ from h2nav.attitude.velocity_aided import memory
 from h2nav.attitude.velocity_aided.air_alignment import LONGEST_S, AirReference, Leveled
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.kernel.estimate import estimate
-from h2nav.attitude.velocity_aided.kernel.field_offset import open_offset
+from h2nav.attitude.velocity_aided.kernel.field_offset import open_offset, part_offset
 from h2nav.attitude.velocity_aided.kernel.heading import turn_heading
 from h2nav.attitude.velocity_aided.kernel.prediction import gyro_density, set_matrix
 from h2nav.attitude.velocity_aided.kernel.start import begin, expect_vertical_bias, find_in_air
@@ -312,11 +312,20 @@ class VelocityAidedFilter(VelocityAidedShell):
     def _set_gyro_variance(self, variance: Vec3) -> None:
         s = self._state
         s.p_xx, s.p_yy, s.p_zz = variance
-        s.p_xy = s.p_xz = s.p_yz = 0.0
+        s.p_xy = s.p_xz = s.p_yz = s.p_xh = s.p_yh = s.p_zh = 0.0
+        self._part_accel()
 
     def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
-        self._state.p_accel[:] = (force[0], 0.0, force[1])
-        self._state.fix_lag_variance = lag
+        s = self._state
+        s.p_accel[:] = (force[0], 0.0, force[1])
+        s.fix_lag_variance = lag
+        self._part_accel()
+
+    def _part_accel(self) -> None:
+        """Removes what the accelerometer's bias, and the field's offset, share with others."""
+        s = self._state
+        s.p_accel_x[:] = s.p_accel_y[:] = (0.0, 0.0, 0.0, 0.0)
+        part_offset(s)
 
     def _forget_start(self) -> None:
         self._window = None

@@ -19,18 +19,21 @@ from h2nav.attitude.samples import (
     EarthField,
     ImuSample,
     SensorDelays,
+    SensorDoubt,
     Trust,
     Vec3,
     VehicleState,
     VelocityFix,
 )
 from h2nav.attitude.velocity_aided import memory
-from h2nav.attitude.velocity_aided.air_alignment import AirAlignment
+from h2nav.attitude.velocity_aided.air_alignment import AirAlignment, Leveled
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.heading_witness import SIZE as WITNESS_SIZE
+from h2nav.attitude.velocity_aided.kernel.theta import SETTLED
 from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix, VelocityAiding
 from h2nav.attitude.velocity_aided.velocity_attitude import VelocityAttitude
 from h2nav.attitude.velocity_aided.velocity_heading import VelocityHeading
+from h2nav.maths.quaternion import exp, multiply
 from h2nav.maths.units import DEG
 
 # After a longer gap the filter aligns again; the bias is kept.
@@ -165,6 +168,18 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         if 0.0 < removed < own and left_s * left_s > CONTRADICTED**2 * (own + removed):
             left_s *= removed / own
         return left_s - errors.fix_latency_s
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Estimates anew what was found wrong, or goes on without it; see `AttitudeFilter`."""
+        found = doubt.correction
+        if found is None:
+            super().doubt(doubt)
+            return
+        self._know_biases(found.rate_sigma_b, found.force_sigma_b)
+        sound = multiply(exp(found.turn_n), self._attitude())
+        self._take_level(Leveled(sound, found.tilt_sigma_rad, found.heading_sigma_rad, SETTLED))
+        # Fixes of a time before would be compared with what was felt by the wrong sensor.
+        self._aiding.expect_after(self._t_us or 0)
 
     def restart(self) -> None:
         """Forgets time, and on the ground the attitude; keeps bias, field and sensors."""

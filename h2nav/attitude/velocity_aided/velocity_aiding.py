@@ -96,6 +96,11 @@ class VelocityAiding:
         is_steady = self._fixes >= FIXES_TO_START
         self.aided_until_us = self._fix_us + LOST_S * 1e6 if is_steady else -math.inf
 
+    def expect_after(self, t_us: int) -> None:
+        """Refuses fixes up to this time."""
+        self.waiting = None
+        self._fix_us = max(self._fix_us, float(t_us))
+
     def take(self, t_us: int, gained: tuple[float, float]) -> TimedFix | None:
         """Returns the pending fix, once; None without one or with aiding off.
 

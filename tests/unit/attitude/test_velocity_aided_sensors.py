@@ -23,7 +23,14 @@ from velocity_flights import (
     with_samples,
 )
 
-from h2nav.attitude.samples import ImuSample, SensorDoubt, Trust, Vec3, VehicleState
+from h2nav.attitude.samples import (
+    ImuSample,
+    SensorCorrection,
+    SensorDoubt,
+    Trust,
+    Vec3,
+    VehicleState,
+)
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.kernel.theta import MAX_WALK
@@ -304,3 +311,29 @@ def test_what_was_clipped_before_a_restart_counts_no_more(make) -> None:
         found = [filter_.update(each._replace(t_us=each.t_us + 10_000_000)) for each in after]
         sigmas.append([each.sigma_tilt_rad for each in found if each is not None][:10])
     assert sigmas[0] == pytest.approx(sigmas[1], rel=0.01)
+
+
+def test_without_the_error_of_a_sensor_the_filter_goes_on_from_the_attitude_that_was_found() -> (
+    None
+):
+    drive = accelerating(40.0, 23)
+    filter_ = new_filter(knows_field=True)
+    follow(filter_, part(drive, 0, 3000))
+    before = filter_.kernel_state.q_nb[:]
+    turn_n = (0.1, -0.05, 0.02)
+    rate, force = (2e-3, 1e-3, 3e-3), (0.05, 0.08)
+    found = SensorCorrection((0.0,) * 3, (0.0,) * 3, turn_n, rate, force, 0.01, 0.02)
+    filter_.doubt(SensorDoubt(correction=found))
+    turned = quaternion.multiply(
+        tuple(filter_.kernel_state.q_nb[:]), quaternion.conjugate(tuple(before))
+    )
+    assert quaternion.log(turned) == pytest.approx(turn_n, abs=1e-9)
+    errors = filter_.sensor_errors
+    assert [math.sqrt(v) for v in errors.gyro_variance] == pytest.approx(rate)
+    assert [math.sqrt(v) for v in errors.force_variance] == pytest.approx(force)
+    # The attitude was right before: velocities turn it back, and the covariance stays definite.
+    follow(filter_, part(drive, 3000, 4000))
+    now = quaternion.conjugate(tuple(filter_.kernel_state.q_nb[:]))
+    left = quaternion.multiply(drive.flight.q_nb[3999], now)
+    assert quaternion.tilt_and_heading(left)[0] < 0.5 * math.hypot(*turn_n[:2])
+    assert 0.0 <= filter_.sensor_errors.field_offset_share < 1.0

@@ -27,6 +27,7 @@ from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_rows import VelocityRows
 from h2nav.integrity.velocity_windows import Mark, VelocityWindows, change_of_velocity
 from h2nav.maths import quaternion
+from h2nav.service.own_bias import OwnBias
 
 FAULT_S = 40.0
 END_S = 60.0
@@ -45,24 +46,26 @@ def explained(change=lambda s: s, velocity_at=lambda t_s, v_n: v_n, seed=7, give
     filter_, monitor = new_filter(knows_field=True), Monitor(Sensor(SensorKind.IMU, 1), Speeds(9.0))
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
-    marks, rows = VelocityWindows(monitor._strapdown), VelocityRows()
+    marks, rows, bias = VelocityWindows(monitor._strapdown), VelocityRows(), OwnBias()
     found, alarms = [], []
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
         if i % PERIOD == 0:
             fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
-            errors = filter_.sensor_errors
+            errors = bias.errors(filter_.sensor_errors)
             if marks.take(fix, errors) and rows.take(marks.marks[-1], errors) and t_s > FAULT_S:
                 known = Known(errors, marks.marks[-1].moment, rows.jitter_m_s)
                 found.append(causes.explain(rows.rows, known))
             doubt = monitor.fix(fix, errors)
             if doubt is not None and gives:
+                if doubt.correction is not None:
+                    bias.correct(doubt.correction)
                 filter_.doubt(doubt)
             if not monitor.velocity_is_false:
                 filter_.use_velocity(fix)
             alarms += monitor.alarms(sample.t_us)
         monitor.check(sample)
-        estimate = filter_.update(sample)
+        estimate = bias.update(filter_, bias.felt(sample))
         if estimate is not None:
             monitor.add(sample, estimate)
     return found, alarms, filter_

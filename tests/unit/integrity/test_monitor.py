@@ -23,6 +23,7 @@ from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
 from h2nav.maths import quaternion
+from h2nav.service.own_bias import OwnBias
 
 FAULT_S = 40.0
 END_S = 70.0
@@ -39,19 +40,23 @@ def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
         new_filter(knows_field=True),
         Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)),
     )
+    bias = OwnBias()
     monitor.use_vehicle(FLYING)
     monitor.use_field(FIELD)
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
         if gps and i % PERIOD == 0:
             fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
-            doubt = monitor.fix(fix, filter_.sensor_errors)
+            doubt = monitor.fix(fix, bias.errors(filter_.sensor_errors))
             if doubt is not None:
+                if doubt.correction is not None:
+                    bias.correct(doubt.correction)
                 filter_.doubt(doubt)
             if not monitor.velocity_is_false:
                 filter_.use_velocity(fix)
         use = monitor.check(sample)
-        estimate = None if use is Use.NONE else filter_.update(sample)
+        known = sample._replace(f_b=REST) if monitor.force_is_withheld else bias.felt(sample)
+        estimate = None if use is Use.NONE else bias.update(filter_, known)
         if estimate is not None:
             monitor.add(sample, estimate)
         yield t_s, use, estimate, monitor
@@ -107,6 +112,44 @@ def from_fault(change):
     return with_samples(
         flight(), lambda i, sample: change(sample) if sample.t_us >= FAULT_S * 1e6 else sample
     )
+
+
+def pushed(force):
+    return lambda s: s._replace(f_b=(s.f_b[0] + force, *s.f_b[1:]))
+
+
+def turned_by(rate_deg_s):
+    return lambda s: s._replace(w_b=(s.w_b[0] + rate_deg_s * DEG, *s.w_b[1:]))
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "named_s"),
+    [
+        (pushed(3.0), Kind.ACCELEROMETER_BIAS_STEP, 6.0),
+        (pushed(-5.0), Kind.ACCELEROMETER_BIAS_STEP, 6.0),
+        (turned_by(5.0), Kind.GYRO_BIAS_STEP, 6.0),
+    ],
+)
+def test_what_a_sensor_was_found_to_be_wrong_by_no_longer_bends_the_tilt(change, kind, named_s):
+    rows = watched(from_fault(change))
+    assert 0.0 < first_alarm(rows, kind) < named_s
+    after = [(tilt, opened) for t_s, _, tilt, opened in rows if t_s > FAULT_S + named_s + 1.0]
+    assert max(tilt for tilt, _ in after) < 2.5 * DEG
+    assert all(tilt < 3.0 * opened for tilt, opened in after)
+    # The sensor is wrong as before, and is told to be.
+    _, alarms, _, _ = rows[-1]
+    assert any(alarm.kind == kind for alarm in alarms)
+
+
+def test_a_fault_that_ends_is_taken_back():
+    drive = with_samples(
+        flight(end_s=90.0),
+        lambda i, s: pushed(3.0)(s) if FAULT_S * 1e6 <= s.t_us < 65e6 else s,
+    )
+    rows = watched(drive)
+    assert max(tilt for t_s, _, tilt, _ in rows if 46.0 < t_s < 65.0 or t_s > 71.0) < 2.5 * DEG
+    _, alarms, _, _ = rows[-1]
+    assert not any(alarm.kind == Kind.ACCELEROMETER_BIAS_STEP for alarm in alarms)
 
 
 @pytest.mark.parametrize("gps", [True, False])

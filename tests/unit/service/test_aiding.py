@@ -91,7 +91,9 @@ def airspeeds_used(*told, altitude_m=0.0, is_fixed_wing=True, **settings):
         identity=SimpleNamespace(is_fixed_wing=is_fixed_wing), on_ground=False, is_armed=True
     )
     estimation = SimpleNamespace(
-        use_vehicle=lambda state: used.append(state.airspeed_m_s), use_field=lambda field: None
+        use_vehicle=lambda state: used.append(state.airspeed_m_s),
+        use_field=lambda field: None,
+        use_gravity=lambda _: None,
     )
     aiding = Aiding(AidingSettings(**settings), field_of(), autopilot, estimation, None)
     aiding.on_place(0, HOME._replace(altitude_m=altitude_m))

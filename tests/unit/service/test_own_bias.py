@@ -2,7 +2,7 @@
 
 import pytest
 
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, SensorCorrection, Trust
 from h2nav.maths.units import SECOND_NS
 from h2nav.service.own_bias import BIAS_NS, OwnBias
 
@@ -80,3 +80,44 @@ def test_a_filter_that_aligns_gives_nothing():
     own.learn(0, (0.1, 0.0, 0.0))
     own.take_over(OwnBias(), (0.0, 0.0, 0.0))
     assert own.update(FilterThatKnows(is_aligned=False), SAMPLE) is None
+
+
+def correction(rate_b=(0.0, 0.0, 0.0), force_b=(0.0, 0.0, 0.0)):
+    return SensorCorrection(rate_b, force_b, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 2, 0.0, 0.0)
+
+
+def test_what_was_found_is_taken_off_the_samples_and_the_rate_reported_as_bias():
+    own, chosen = OwnBias(), FilterThatKnows()
+    own.correct(correction((0.1, 0.0, -0.2), (3.0, -1.0, 0.0)))
+    assert own.felt(SAMPLE).f_b == pytest.approx((-3.0, 1.0, -9.8))
+    found = own.update(chosen, SAMPLE)
+    assert chosen.rates[0] == pytest.approx((0.4, -0.2, 0.3))
+    assert found.bias_b == pytest.approx((0.11, -0.02, -0.17))
+
+
+def test_a_fault_that_ends_is_found_with_the_opposite_sign_and_nothing_is_left():
+    own = OwnBias()
+    own.correct(correction((0.1, 0.0, 0.0), (3.0, 0.0, 0.0)))
+    own.correct(correction((-0.1, 0.0, 0.0), (-3.0, 0.0, 0.0)))
+    assert own.felt(SAMPLE) == SAMPLE
+    assert own.update(FilterThatKnows(), SAMPLE).bias_b == pytest.approx(BIAS)
+
+
+def test_the_bias_at_rest_is_replaced_and_outlasts_a_sensor_that_was_wrong():
+    own = OwnBias()
+    own.rest((0.0, 0.0, 0.5))
+    own.rest((0.0, 0.0, 0.3))
+    own.correct(correction(force_b=(2.0, 0.0, 0.0)))
+    assert own.felt(SAMPLE).f_b == pytest.approx((-2.0, 0.0, -10.1))
+    own.forget_found()
+    assert own.felt(SAMPLE).f_b == pytest.approx((0.0, 0.0, -10.1))
+    own.forget_force()
+    assert own.felt(SAMPLE) == SAMPLE
+    assert not own.pushes
+
+
+def test_a_sample_without_a_force_stays_without():
+    own = OwnBias()
+    own.rest((0.0, 0.0, 0.5))
+    missing = SAMPLE._replace(f_b=(0.0, 0.0, 0.0))
+    assert own.felt(missing) == missing

@@ -554,12 +554,14 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s, unit, most = self._state, self._gyro_unit, self._g.bias_variance
         x, y, z = (max(VARIANCE_MIN, min(round(v / unit), most)) for v in variance)
         s.p_xx, s.p_yy, s.p_zz = x, y, z
-        s.p_xy = s.p_xz = s.p_yz = 0
+        s.p_xy = s.p_xz = s.p_yz = s.p_xh = s.p_yh = s.p_zh = 0
+        s.p_accel_x[:] = s.p_accel_y[:] = [0, 0, 0, 0]
 
     def _set_aided_variances(self, force: tuple[float, float], lag: float) -> None:
         s, most = self._state, self._g.accel_variance
         x, y = (min(round(variance / _FORCE_UNIT), most) for variance in force)
         s.p_accel[:] = [x, 0, y]
+        s.p_accel_x[:] = s.p_accel_y[:] = [0, 0, 0, 0]
         s.fix_lag_variance = row(State, "fix_lag_variance").fixed(lag)
 
     def _forget_start(self) -> None:
