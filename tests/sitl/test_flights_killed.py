@@ -98,6 +98,7 @@ class Served:
 
 
 @pytest.mark.thorough
+@pytest.mark.thorough
 @pytest.mark.timeout(7200)
 def test_killed_at_any_moment_nothing_is_lost_and_no_review_is_half_there(tmp_path: Path) -> None:
     need_package("tornado")
