@@ -561,6 +561,11 @@ class Voting:
         pair = self._pairs.get((part, min(one, other), max(one, other)))
         return pair is None or not pair.is_raised
 
+    def _has_agreed(self, part: InertialSensor, numbers: tuple[int, int]) -> bool:
+        """Whether two of them have just shown the same, and do not begin to differ."""
+        pair = self._pairs.get((part, *numbers))
+        return pair is not None and pair.agrees(self._t_us)
+
     @property
     def has_doubts(self) -> bool:
         """Whether any two differ, or one is known to be wrong: else there is nothing to decide."""
@@ -646,15 +651,20 @@ class Voting:
         of = [suspicions.get(number, Suspicion()) for number in numbers]
         if part is InertialSensor.GYRO:
             shown = _worse(of[0].turn, of[1].turn)
-            if shown is None and self.agree(InertialSensor.ACCELEROMETER, *numbers):
+            if shown is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
                 shown = _worse(of[0].velocity, of[1].velocity)
         else:
-            # A contradiction that a wrong gyro explains says nothing of the accelerometer.
-            ratios = [
-                0.0 if (InertialSensor.GYRO, number) in self._wrong else one.velocity
-                for number, one in zip(numbers, of, strict=True)
-            ]
-            shown = _worse(*ratios)
+            # A contradiction that a wrong gyro explains says nothing of the accelerometer; nor does
+            # any while gyros differ and nobody knows which one is wrong.
+            wrong = [(InertialSensor.GYRO, number) in self._wrong for number in numbers]
+            if not any(wrong) and not self._has_agreed(InertialSensor.GYRO, numbers):
+                return None
+            shown = _worse(
+                *(
+                    0.0 if is_wrong else one.velocity
+                    for is_wrong, one in zip(wrong, of, strict=True)
+                )
+            )
         return None if shown is None else numbers[shown]
 
     def verdict(self, imu: int) -> Verdict:

@@ -248,6 +248,16 @@ def test_a_gyro_and_the_other_imus_accelerometer_fail_at_once():
     }
 
 
+def test_a_velocity_decides_of_no_sensor_while_both_kinds_differ():
+    """It contradicts one attitude by the accelerometer of the one or the gyro of the other."""
+    imus = [Imu(1, force_fault=off(3.0, 0.0, 0.0)), Imu(2, gyro_fault=off(0.0, 0.0, 0.1))]
+    told, _ = fly(imus, FAULT_S + 6.0, {0: Suspicion(3.0, 0.1), 1: Suspicion(0.1, 0.1)})
+    assert {(alarm.kind, alarm.sensor.numbers) for _, alarm in told} == {
+        (Kind.GYRO_APART, (1, 2)),
+        (Kind.ACCELEROMETER_APART, (1, 2)),
+    }
+
+
 def test_a_zero_that_stays_is_learnt_and_the_gyro_heard_again():
     imus = [Imu(1, gyro_fault=off(0.05, 0.0, 0.0)), Imu(2), Imu(3)]
     end_s = FAULT_S + 1e-6 * HEARING_US
