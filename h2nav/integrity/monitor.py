@@ -449,7 +449,9 @@ class Monitor:
             return None
         if cause is None and t_us - (self._contradicted_us or t_us) > BLAME_US:
             cause = found.probable  # undecided, and it remains so
-        if cause is None or cause is not found.probable or self._may_be_aliased(found):
+        if cause is None or cause in self._cleared:
+            return None
+        if cause is not found.probable or self._may_be_aliased(found):
             return None
         if found.correction.tilt_sigma_rad > LINEAR_RAD:
             return None

@@ -141,6 +141,16 @@ def test_what_a_sensor_was_found_to_be_wrong_by_no_longer_bends_the_tilt(change,
     assert any(alarm.kind == kind for alarm in alarms)
 
 
+@pytest.mark.parametrize("change", [pushed(3.0), turned_by(5.0)])
+def test_nothing_is_taken_off_a_sensor_that_shows_what_another_imus_shows(change):
+    told = set()
+    for t_s, _, _, monitor in flown(from_fault(change)):
+        monitor.use_agreed(gyro=True, accelerometer=True)
+        told |= {alarm.kind for alarm in monitor.alarms(round(t_s * 1e6))}
+    assert not told & {Kind.ACCELEROMETER_BIAS_STEP, Kind.GYRO_BIAS_STEP}
+    assert told  # that something contradicts is said
+
+
 def test_a_fault_that_ends_is_taken_back():
     drive = with_samples(
         flight(end_s=90.0),
