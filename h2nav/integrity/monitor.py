@@ -35,6 +35,7 @@ from h2nav.integrity.causes import (
     doubt_of,
     explain,
 )
+from h2nav.integrity.corrected_sensor import CorrectedSensor
 from h2nav.integrity.correction import advanced
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
@@ -55,7 +56,8 @@ from h2nav.integrity.receiver import LearntReceiver
 from h2nav.integrity.sensor_checks import Use, is_bad, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
 from h2nav.integrity.velocity_model import Known
-from h2nav.integrity.velocity_rows import VelocityRows, plus
+from h2nav.integrity.velocity_refusal import HARMLESS_RAD, REFUSED_US, SURE_S, VelocityRefusal
+from h2nav.integrity.velocity_rows import VelocityRows
 from h2nav.integrity.velocity_windows import (
     GATE,
     LENGTHS_S,
@@ -72,7 +74,6 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 OPEN_RATIO = 0.5
 OPEN_S = 10.0
 KEPT_OPEN = math.exp(-1e-6 * JUDGED_US / OPEN_S)
-SURE_S = 2.0
 # From this ratio of a velocity on, a cause is searched.
 SUSPICIOUS_RATIO = 0.2
 # A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro. A
@@ -116,28 +117,11 @@ ALIASED = 3.0
 SHAKEN_M_S2 = 1.0
 # A force that shakes by more, rms, is rectified by tenths: it shows no velocity to be false.
 RECTIFIED_M_S2 = 5.0
-# One that was found false is used again when the force of 10 s has agreed with it within a harmless
-# tilt for as long, or within the deviations for 30 s; or when its falsehood has
-# become this improbable; at the latest it is heard as if for the first time after this.
-HARMLESS_RAD = 1.5 * DEG
-PROVED_US = 10_000_000
-PASSED_US = 30_000_000
-IMPROBABLE = 0.1
-REFUSED_US = 120_000_000
 # While either the force or the velocity is false, and nothing else, neither corrects the tilt: the
 # gyro carries it, for so long that its bias turns it by no more than is harmless.
 WITHHELD_US = 30_000_000
 # An attitude is only corrected as far as turns that add up are small.
 LINEAR_RAD = 10.0 * DEG
-# A sensor that was corrected is still told to be wrong while it is by this share of what was found.
-REMAINS = 0.5
-# A jump of the velocity may be its way back from a falsehood that it was suspected of in this time
-# before.
-FALSE_US = 300_000_000
-# So far apart two windows may place one jump.
-SAME_JUMP_US = 5_000_000
-# The longest window still shows a jump.
-SEEN_US = round(1.2e6 * LONG_S)
 # A field used this recently holds the heading.
 FIELD_HOLDS_US = 1_000_000
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
@@ -155,15 +139,6 @@ class Speeds(NamedTuple):
 
     horizontal_m_s: float
     vertical_m_s: float = CLIMB_SPEED_M_S
-
-
-class _Corrected(NamedTuple):
-    """A sensor whose error has been taken off its samples."""
-
-    cause: Cause
-    shown: Explained  # by what
-    before_b: Vec3  # its bias before, rad/s or m/s^2
-    since_us: int  # when it began to contradict
 
 
 class Monitor:
@@ -198,19 +173,11 @@ class Monitor:
         self._explained, self._explained_us = NOTHING, 0
         # since when force and velocity are withheld
         self._withheld_us: int | None = None
-        self._corrected: _Corrected | None = None
-        self._found_b: Vec3 = (0.0, 0.0, 0.0)  # taken off the force in all, m/s^2
+        self._corrected = CorrectedSensor()
         self._bent_us: int | None = None  # when a sensor of ours was last decided to be wrong
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
-        # since when velocities are refused, by which decision, and when they last contradicted
-        self._refused_us: int | None = None
-        self._refused: Explained | None = None
-        self._differed_us = self._failed_us = 0
-        # when it was last suspected, now and in an earlier contradiction
-        self._doubted_us: int | None = None
-        self._was_doubted_us: int | None = None
-        self._back_us: int | None = None  # when it jumped back from that, if it has
+        self._refusal = VelocityRefusal()
         self._decisions: Counter[Cause] = Counter()
         self._shown: dict[Cause, Explained] = {}  # the latest explanation that decided each
         self._cleared: frozenset[Cause] = frozenset()  # sensors that other IMUs' confirm
@@ -337,7 +304,7 @@ class Monitor:
         self._velocity.use_receiver(self._receiver.errors)
         if not self._velocity.take(fix, errors):
             return None
-        self._review_correction(errors, self._velocity.marks[-1].moment.bias_b)
+        self._corrected.review(errors, self._velocity.marks[-1].moment.bias_b)
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
         self._windows = [window for window in windows if window is not None]
         of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
@@ -399,10 +366,8 @@ class Monitor:
             self._forget_cause()
             return None
         self._suspected_us = self._suspected_us or t_us
-        is_back = self._may_be_back(t_us, found)
+        is_back = self._refusal.comes_back(t_us, found)
         if is_back:
-            self._back_us = found.jumped_us
-            self._refused_us = self._refused = None
             self._decisions.pop(Cause.VELOCITY, None)
         elif found.decided is not None and not self._may_be_aliased(found):
             self._decisions[found.decided] += 1
@@ -410,10 +375,8 @@ class Monitor:
                 self._bent_us = t_us
             self._shown[found.decided] = found
         if not is_back:
-            is_seen_back = self._back_us is not None and t_us - self._back_us < SEEN_US
-            is_suspected = found.share(Cause.VELOCITY) * SUSPECTED > 1.0
-            if is_suspected and self._is_told(t_us) and not is_seen_back:
-                self._doubted_us = t_us
+            if found.share(Cause.VELOCITY) * SUSPECTED > 1.0 and self._is_told(t_us):
+                self._refusal.suspect(t_us)
             self._hear_velocity(t_us, found)
         self._withhold(t_us, found, is_back)
         if self.velocity_is_false:
@@ -455,33 +418,13 @@ class Monitor:
             return None
         if found.correction.tilt_sigma_rad > LINEAR_RAD:
             return None
-        before, first = self._corrected, self._rows.rows[0]
-        since_us = before.since_us if before is not None else self._contradicted_us
-        if before is not None and before.cause is cause:
-            before_b = before.before_b
-        else:
-            before_b = self._bias_of(cause, first.begun.moment.bias_b, first.errors)
-        self._corrected = _Corrected(cause, found, before_b, since_us or t_us)
         correction = advanced(found.correction, known.moment, now)
-        self._found_b = plus(self._found_b, 1.0, correction.force_b)
+        since_us = self._contradicted_us or t_us
+        self._corrected.take(cause, found, correction, self._rows.rows[0], since_us)
         self.restart()
         self._tilt_rad = correction.tilt_sigma_rad
         self._heading_rad = correction.heading_sigma_rad
         return correction
-
-    @staticmethod
-    def _bias_of(cause: Cause, rate_b: Vec3, errors: SensorErrors) -> Vec3:
-        """The bias of a sensor as known now."""
-        return rate_b if cause is Cause.GYRO else errors.force_bias_b
-
-    def _review_correction(self, errors: SensorErrors, estimated_b: Vec3) -> None:
-        """Forgets a correction of which the filter has learnt back most, or that has ended."""
-        corrected = self._corrected
-        if corrected is None:
-            return
-        now_b = self._bias_of(corrected.cause, estimated_b, errors)
-        if math.dist(now_b, corrected.before_b) < REMAINS * corrected.shown.step:
-            self._corrected = None
 
     def _note_drift(self, t_us: int, found: Explained) -> None:
         """Notes the tilt by which a false velocity would bend the attitude, if it may be one."""
@@ -501,21 +444,8 @@ class Monitor:
         """Whether a contradiction has lasted for long enough to be reported."""
         return self._contradicted_us is not None and t_us - self._contradicted_us >= CONTRADICTED_US
 
-    def _may_be_back(self, t_us: int, found: Explained) -> bool:
-        """Whether a jump of the velocity may end an earlier falsehood: nobody is accused for it."""
-        if not found.share(Cause.VELOCITY) > PROBABLY or found.drift_m_s2 > 0.0:
-            return False
-        if self._refused_us is not None and found.jumped_us <= self._refused_us:
-            return False  # it is the jump for which the velocity is refused
-        if self._back_us is not None and found.jumped_us - self._back_us > SAME_JUMP_US:
-            return False  # it has come back before
-        since_us = self._was_doubted_us
-        return since_us is not None and t_us - since_us < FALSE_US
-
     def _forget_cause(self) -> None:
-        if self._doubted_us is not None:
-            self._was_doubted_us, self._doubted_us = self._doubted_us, None
-            self._back_us = None
+        self._refusal.forget_contradiction()
         self._explained = NOTHING
         self._suspected_us = self._contradicted_us = self._withheld_us = None
         self._decisions.clear()
@@ -585,7 +515,7 @@ class Monitor:
     def renew(self) -> None:
         """Restarts with sensors that were wrong, and are good again."""
         self.restart()
-        self._corrected, self._found_b = None, (0.0, 0.0, 0.0)
+        self._corrected = CorrectedSensor()
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""
@@ -610,12 +540,12 @@ class Monitor:
         and then until it has proved itself. A heading held by velocities alone does not count
         against them, nor do forces sampled too slowly for the vehicle's vibration.
         """
-        return self._refused_us is not None
+        return self._refusal.since_us is not None
 
     @property
     def velocity_is_known_false(self) -> bool:
         """Whether that is decided, and not only probable."""
-        return self._refused_us is not None and self._refused is not None
+        return self._refusal.shown is not None
 
     @property
     def may_be_bent(self) -> bool:
@@ -635,31 +565,15 @@ class Monitor:
         Args:
             found: a new explanation; None without one.
         """
-        # Only a field can confirm the gyro.
-        is_held = self.ratios.of_turn < OPEN_RATIO and self._field_holds
-        if self._refused_us is None:
+        shown = self._shown.get(Cause.VELOCITY)
+        if not self.velocity_is_false:
+            # Only a field can confirm the gyro.
+            is_held = self.ratios.of_turn < OPEN_RATIO and self._field_holds
             if is_held and self._is_contradicted_by_velocity(t_us, found):
-                self._refused_us = self._differed_us = self._failed_us = t_us
-                self._refused = self._shown.get(Cause.VELOCITY)
+                self._refusal.begin(t_us, shown)
             return
-        if self._refused is None:
-            self._refused = self._shown.get(Cause.VELOCITY)
         long = self._windows[-1] if self._windows else None
-        if long is None or not self.ratios.velocity_10s < 1.0:
-            self._failed_us = t_us
-        if long is None or long.length_s < SURE_S or long.tilt_rad > HARMLESS_RAD:
-            self._differed_us = t_us
-        is_proved = t_us - self._differed_us > PROVED_US or t_us - self._failed_us > PASSED_US
-        is_improbable = (
-            found is not None
-            and found.is_contradiction
-            and found.share(Cause.VELOCITY) < IMPROBABLE
-        )
-        is_late = t_us - self._refused_us > REFUSED_US
-        if is_proved:  # it is back
-            self._doubted_us = self._was_doubted_us = None
-        if is_proved or is_improbable or is_late or not self.ratios.of_turn < 1.0:
-            self._refused_us = self._refused = None
+        if self._refusal.hear(t_us, long, self.ratios, found, shown):
             self._decisions.pop(Cause.VELOCITY, None)
 
     def _is_contradicted_by_velocity(self, t_us: int, found: Explained | None) -> bool:
@@ -687,7 +601,7 @@ class Monitor:
             for window in self._windows
             if window.ratio > (open_ratio if window.length_s > SURE_S else 1.0)
         ]
-        tilts.append(self._velocity.biased_tilt_rad(self._found_b))
+        tilts.append(self._velocity.biased_tilt_rad(self._corrected.force_b))
         headings = []
         if self._explained.is_suspicious:
             tilts.append(self._explained.tilt_rad)
@@ -748,15 +662,11 @@ class Monitor:
 
     def _cause_alarms(self, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
         """The cause of a lasting contradiction; undecided once only."""
-        if self._refused is not None and self._refused_us is not None:
-            since_s = (t_us - self._refused_us) * 1e-6
-            return [cause_alarm(self._refused, Cause.VELOCITY, self._imu, since_s)]
+        refused, since_us = self._refusal.shown, self._refusal.since_us
+        if refused is not None and since_us is not None:
+            return [cause_alarm(refused, Cause.VELOCITY, self._imu, 1e-6 * (t_us - since_us))]
         if self._contradicted_us is None or not self._is_told(t_us):
-            corrected = self._corrected
-            if corrected is None or corrected.shown.decided is None:
-                return []
-            since_s = (t_us - corrected.since_us) * 1e-6
-            return [cause_alarm(corrected.shown, corrected.cause, self._imu, since_s)]
+            return self._corrected.alarms(self._imu, t_us, self._cleared)
         since_s = (t_us - self._contradicted_us) * 1e-6
         decided = self._decided
         shown = self._explained if decided is None else self._shown[decided]
