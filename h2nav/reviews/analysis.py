@@ -9,6 +9,7 @@ from h2nav.airframes.features import FlightRow
 from h2nav.airframes.trend import Departure
 from h2nav.integrity.findings import Finding, Kind, Severity
 from h2nav.maths.units import DEG
+from h2nav.recordings.context import Array, ImuTrack
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import judged
@@ -34,6 +35,8 @@ from h2nav.reviews.tracks import (
 STEPS = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
 # Two sensors of a kind are compared over this time before a step and after it.
 BESIDE_S, BESIDE_GAP_S, BESIDE_SHARE = 4.0, 0.5, 0.5
+# A step is so many times the usual change of their difference.
+BESIDE_USUAL = 4.0
 
 
 class Analysis(NamedTuple):
@@ -149,14 +152,23 @@ def _is_beside(evidence: FlightEvidence, one: Finding) -> bool:
         return False
     column, unit = ("w_b", DEG) if one.kind is Kind.GYRO_BIAS_STEP else ("f_b", 1.0)
     edges = one.from_s + np.array([-BESIDE_S, -BESIDE_GAP_S, BESIDE_GAP_S, BESIDE_S])
+    whole = np.arange(own.t_s[0], own.t_s[-1], BESIDE_S - BESIDE_GAP_S)
     for other in (track for track in tracks.values() if track is not own):
-        before, _, after = (
-            means(own.t_s, getattr(own, column).astype(float), edges)
-            - means(other.t_s, getattr(other, column).astype(float), edges)
-        ) / unit
-        if np.linalg.norm(after - before) > BESIDE_SHARE * one.size:
+        before, _, after = _apart(own, other, column, edges) / unit
+        # Seldom samples of what shakes differ by more than sensors do.
+        changes = np.linalg.norm(np.diff(_apart(own, other, column, whole) / unit, axis=0), axis=1)
+        usual = float(np.nanmedian(changes)) if np.isfinite(changes).any() else np.inf
+        if np.linalg.norm(after - before) > max(BESIDE_SHARE * one.size, BESIDE_USUAL * usual):
             return True
     return False
+
+
+def _apart(own: ImuTrack, other: ImuTrack, column: str, edges_s: Array) -> Array:
+    """(len(edges) - 1, 3) by how much the means of two IMUs differ."""
+    first, second = (
+        means(track.t_s, getattr(track, column).astype(float), edges_s) for track in (own, other)
+    )
+    return first - second
 
 
 def _is_guess(one: Finding) -> bool:
