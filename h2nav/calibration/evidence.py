@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from h2nav.recordings.board_trim import Trim
 from h2nav.recordings.context import Array, CompassTrack, Context, Series
-from h2nav.recordings.dataflash import Trim
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.inertial import Attitudes, Mask, attitudes, within
 

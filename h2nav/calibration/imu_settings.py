@@ -14,8 +14,8 @@ from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.regression import Array
 from h2nav.calibration.settings import Parameters
 from h2nav.maths.units import DEG
+from h2nav.recordings.board_trim import Trim
 from h2nav.recordings.context import ImuTrack
-from h2nav.recordings.dataflash import Trim
 
 PX4_SLOTS = 4
 # A scale beyond these was never calibrated.

@@ -135,6 +135,11 @@ def series(message: str, *names: str, is_filled: bool = False, **others: Any) ->
     return Source(message, {"values": column(*names, **others)}, needs=needs)
 
 
+def axes(name: str, count: int = 3) -> tuple[str, ...]:
+    """The columns of an array."""
+    return tuple(f"{name}[{number}]" for number in range(count))
+
+
 def messages_of(format_: Format, fields: tuple[Field, ...]) -> frozenset[str]:
     """Names of the messages that the fields come from in a format."""
     alternatives = (each for field in fields for each in getattr(field, format_.value))
@@ -197,8 +202,8 @@ def _records(log: RowFinder, field: Field, source: Source) -> Iterator[Any]:
 
 
 def _record(record: Any, source: Source, rows: Rows, values: Mapping[str, Array]) -> Any:
-    """A record: number, times, columns; NaN where the source has no column."""
-    fixed = {"t_s": rows.t_s, "number": rows.number + source.first, "kind": source.kind}
-    fixed["imu"] = fixed["number"]
+    """A record: number, times or rows, columns; NaN where the source has no column."""
+    number = rows.number + source.first
+    fixed = {"rows": rows, "t_s": rows.t_s, "number": number, "imu": number, "kind": source.kind}
     unknown = np.full(len(rows.t_s), np.nan)
     return record(*(values.get(name, fixed.get(name, unknown)) for name in record._fields))

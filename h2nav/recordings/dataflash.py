@@ -17,10 +17,10 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
-from h2nav.maths import quaternion
 from h2nav.recordings import dataflash_controls as controls
 from h2nav.recordings import flight_modes, imu_series
 from h2nav.recordings.airframe_identity import ardupilot_board
+from h2nav.recordings.attitude_tables import attitudes_of, truth_of
 from h2nav.recordings.autopilot_log import (
     FIX_3D,
     MAX_BURSTS,
@@ -32,10 +32,10 @@ from h2nav.recordings.autopilot_log import (
     imus_of,
     is_on_earth,
 )
+from h2nav.recordings.board_trim import Trim
 from h2nav.recordings.columns import Format
 from h2nav.recordings.context import (
     Array,
-    AttitudeTrack,
     Burst,
     CompassTrack,
     Context,
@@ -50,7 +50,6 @@ from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
 from h2nav.recordings.imu_series import Fields, ImuRows, Mask, Samples, Times
 from h2nav.recordings.log_rows import Rows
-from h2nav.recordings.rotations import are_units, normalized, quaternions
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
 from h2nav.wire.imu import MAX_IMUS, UT_PER_MGAUSS
@@ -87,25 +86,9 @@ COPTERS = {
 }
 
 
-ANGLES = ("Roll", "Pitch", "Yaw")
-QUATERNION = ("Q1", "Q2", "Q3", "Q4")
 SECOND = "AHRS2"
 # AHRS_EKF_TYPE and ATT.AEKF.
 ESTIMATORS = {0: "DCM", 1: "EKF1", 2: "EKF2", 3: "EKF3"}
-LARGEST_TRIM_RAD = 0.5
-# A message, its columns, and the messages of further cores before cores had numbers.
-Source = tuple[str, tuple[str, ...], dict[int, str]]
-CORES: dict[str, tuple[Source, ...]] = {
-    "EKF3": (
-        ("XKQ", QUATERNION, {0: "XKQ1", 1: "XKQ2", 2: "XKQ3"}),
-        ("XKF1", ANGLES, {1: "XKF6", 2: "XKF11"}),
-    ),
-    "EKF2": (
-        ("NKQ", QUATERNION, {0: "NKQ1", 1: "NKQ2", 2: "NKQ3"}),
-        ("NKF1", ANGLES, {1: "NKF6", 2: "NKF11"}),
-    ),
-    "EKF1": (("EKF1", ANGLES, {}),),
-}
 
 
 class VehicleKind(NamedTuple):
@@ -167,44 +150,6 @@ def open_dataflash(path: Path) -> DataflashLog:
     return DataflashLog(path)
 
 
-class Trim:
-    """The rotation from the autopilot's board to the vehicle's body: AHRS_TRIM, some degrees.
-
-    IMU, compass and the estimators' quaternions are logged in the axes of the board, ATT and all
-    angles in those of the body (`AP_AHRS::get_rotation_autopilot_body_to_vehicle_body`). This
-    module converts everything to the body.
-    """
-
-    def __init__(self, parameters: dict[str, float]) -> None:
-        angles = [parameters.get(f"AHRS_TRIM_{axis}", 0.0) for axis in "XYZ"]
-        if max(map(abs, angles)) > LARGEST_TRIM_RAD:
-            angles = [0.0, 0.0, 0.0]
-        self.is_known = any(angles)
-        self._q = quaternion.from_euler(*angles)
-        axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        # Row i is the direction of axis i: vectors are rows as well.
-        self._turn = np.array([quaternion.rotate(self._q, axis) for axis in axes])
-        units = [tuple(unit) for unit in np.eye(4)]
-        back = quaternion.conjugate(self._q)
-        self._back = np.array([quaternion.multiply(unit, back) for unit in units])
-        self._forth = np.array([quaternion.multiply(unit, self._q) for unit in units])
-
-    def vectors(self, v: Array) -> Array:
-        """(N, 3) vectors of the board in axes of the body."""
-        return v @ self._turn if self.is_known else v
-
-    def of_board(self, q: Array) -> Array:
-        """(N, 4) attitudes of the body to attitudes of the board."""
-        return q @ self._forth if self.is_known else q
-
-    def attitudes(self, q: Array) -> Array:
-        """(N, 4) attitudes of the board to attitudes of the body."""
-        return q @ self._back if self.is_known else q
-
-
-NO_TRIM = Trim({})
-
-
 def recorded(tables: LogTables) -> Recorded:
     """Reads the tables of a log."""
     log = DataflashRows(tables)
@@ -217,14 +162,9 @@ def recorded(tables: LogTables) -> Recorded:
     trim = Trim(parameters)
     imus, readings = imus_of(log, _imu_rows(log), _compasses(log, trim), trim.vectors)
     gps, fix_us, receiver = _gps(log)
-    attitudes = _attitudes(log, parameters, trim)
-    table = table_fields(
-        log,
-        Format.DATAFLASH,
-        _first_values(settings),
-        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, vehicle_type),
-        gps,
-    )
+    attitudes = attitudes_of(log, Format.DATAFLASH, _flown_by(parameters), trim)
+    autopilot = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, vehicle_type)
+    table = table_fields(log, Format.DATAFLASH, _first_values(settings), autopilot, gps)
     table["airborne"] = _airborne(log)
     board, uid = ardupilot_board(one.text for one in said)
     context = Context(
@@ -237,7 +177,7 @@ def recorded(tables: LogTables) -> Recorded:
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
-        truth=_truth(log),
+        truth=truth_of(log, Format.DATAFLASH),
         gps=gps,
         modes=_modes(log, kind),
         primary=_primary(log),
@@ -256,8 +196,7 @@ def recorded(tables: LogTables) -> Recorded:
     }
     return Recorded(
         completed(context, log, settings, _armed(log), lacks),
-        mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-        vehicle_type,
+        *autopilot,
         log.clock.start_us,
         readings,
         receiver,
@@ -482,18 +421,7 @@ def _origin(log: DataflashRows) -> Place | None:
     return Place(*first[0].tolist()) if is_on_earth(first[:, 0], first[:, 1]).all() else None
 
 
-# --- attitudes ----------------------------------------------------------------------------------
-
-
-def _attitudes(
-    log: DataflashRows, parameters: dict[str, float], trim: Trim
-) -> tuple[AttitudeTrack, ...]:
-    """The attitude used for control, the second one, and every core of the estimators."""
-    found = [_angles(_flown_by(parameters), log.find("ATT", *ANGLES))]
-    for name, sources in CORES.items():
-        found += _cores(log, name, sources, trim)
-    found.append(_angles(SECOND, log.find("AHR2", *ANGLES)))
-    return tuple(track for track in found if track is not None and len(track.t_s))
+# --- which estimator flew ----------------------------------------------------------------------
 
 
 def _flown_by(parameters: dict[str, float]) -> str:
@@ -503,47 +431,6 @@ def _flown_by(parameters: dict[str, float]) -> str:
         return ESTIMATORS.get(int(chosen), "autopilot")
     uses = parameters.get("AHRS_EKF_USE")
     return "autopilot" if uses is None else ("EKF1" if uses else "DCM")
-
-
-def _cores(
-    log: DataflashRows, name: str, sources: tuple[Source, ...], trim: Trim
-) -> list[AttitudeTrack | None]:
-    """The cores of an estimator, from the first message that has them."""
-    for message, columns, others in sources:
-        cores = list(log.instances(message, *columns))
-        more = ((number, log.find(other, *columns)) for number, other in others.items())
-        cores += [rows._replace(number=number) for number, rows in more if rows is not None]
-        if cores:
-            names = [f"{name} core {rows.number + 1}" if others else name for rows in cores]
-            pairs = zip(names, cores, strict=True)
-            if columns is ANGLES:
-                return [_angles(*pair) for pair in pairs]
-            return [_quaternions(*pair, trim) for pair in pairs]
-    return []
-
-
-def _angles(name: str, rows: Rows | None) -> AttitudeTrack | None:
-    """Angles in degrees."""
-    if rows is None:
-        return None
-    angles = np.radians(rows.table.numbers(*ANGLES))
-    good = np.isfinite(angles).all(axis=1)
-    return AttitudeTrack(name, rows.t_s[good], quaternions(angles[good]))
-
-
-def _quaternions(name: str, rows: Rows, trim: Trim = NO_TRIM) -> AttitudeTrack:
-    """Quaternions from NED to the axes of the board."""
-    q_nb = rows.table.numbers(*QUATERNION)
-    good = are_units(q_nb)
-    return AttitudeTrack(name, rows.t_s[good], trim.attitudes(normalized(q_nb[good])))
-
-
-def _truth(log: DataflashRows) -> AttitudeTrack | None:
-    """The simulator's."""
-    rows = log.find("SIM", *QUATERNION)
-    if rows is not None:
-        return _quaternions("truth", rows)
-    return _angles("truth", log.find("SIM", *ANGLES))
 
 
 def _primary(log: DataflashRows) -> tuple[Span, ...]:

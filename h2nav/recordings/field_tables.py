@@ -13,7 +13,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths.units import DEG
-from h2nav.recordings.columns import Field, Form, LogColumn, Source, column, series
+from h2nav.recordings.columns import Field, Form, LogColumn, Source, axes, column, series
 from h2nav.recordings.context import (
     Array,
     Battery,
@@ -187,10 +187,6 @@ def system_bit(bit: int) -> Form:
     return form
 
 
-def _axes(name: str, count: int = 3) -> tuple[str, ...]:
-    return tuple(f"{name}[{number}]" for number in range(count))
-
-
 def _numbered(name: str, count: int) -> tuple[str, ...]:
     return tuple(name.format(number + 1) for number in range(count))
 
@@ -208,11 +204,11 @@ SERIES = (
             series("ATT", "RollIn", "PitchIn", "NavYaw", scale=DEG),
         ),
         ulog=(
-            series("vehicle_attitude_setpoint", *_axes("q_d", 4), form=angles_of),
+            series("vehicle_attitude_setpoint", *axes("q_d", 4), form=angles_of),
             series("vehicle_attitude_setpoint", "roll_body", "pitch_body", "yaw_body"),
         ),
         telemetry=(
-            series("ATTITUDE_TARGET", *_axes("q", 4), form=target_angles),
+            series("ATTITUDE_TARGET", *axes("q", 4), form=target_angles),
             # An autopilot that does not fill the message sends zeros throughout.
             series("NAV_CONTROLLER_OUTPUT", "nav_roll", "nav_pitch", "", scale=DEG, is_filled=True),
         ),
@@ -350,7 +346,7 @@ SERIES = (
         "motor_shares",
         "share of full",
         is_partial=True,
-        ulog=(series("actuator_motors", *_axes("control", 12)),),
+        ulog=(series("actuator_motors", *axes("control", 12)),),
     ),
     Field(
         "motor_widths_us",
@@ -367,7 +363,7 @@ SERIES = (
             series("RCIN", *_numbered("C{}", MAX_OUTPUTS), may_lack=True, is_filled=True),
             series("RCIN", *_numbered("Ch{}", MAX_OUTPUTS), may_lack=True, is_filled=True),
         ),
-        ulog=(series("input_rc", *_axes("values", MAX_OUTPUTS), may_lack=True, is_filled=True),),
+        ulog=(series("input_rc", *axes("values", MAX_OUTPUTS), may_lack=True, is_filled=True),),
         telemetry=(
             series("RC_CHANNELS", *_numbered("chan{}_raw", MAX_OUTPUTS), is_filled=True),
             series("RC_CHANNELS_RAW", *_numbered("chan{}_raw", 8), is_filled=True),
@@ -469,7 +465,7 @@ RECORDS = (
                 "vehicle_imu_status",
                 {
                     "level": column("accel_vibration_metric", form=row),
-                    "clipped": column(*_axes("accel_clipping"), form=clips),
+                    "clipped": column(*axes("accel_clipping"), form=clips),
                 },
             ),
         ),
@@ -695,7 +691,7 @@ RECORDS = (
             )
             for name in ("C{}", "Ch{}", "Chan{}")
         ),
-        ulog=(Source("actuator_outputs", {"values": column(*_axes("output", MAX_OUTPUTS))}),),
+        ulog=(Source("actuator_outputs", {"values": column(*axes("output", MAX_OUTPUTS))}),),
         telemetry=(
             Source(
                 "SERVO_OUTPUT_RAW",

@@ -42,6 +42,11 @@ class Rows(NamedTuple):
         is_age = (age_us >= 0) & (age_us <= FIX_AGE_US)
         return np.where(is_age, stamps, self.t_us)
 
+    @property
+    def sample_s(self) -> Array:
+        """(N,) the same since the log began."""
+        return np.asarray(np.maximum(self.t_s - (self.t_us - self.sample_us) * 1e-6, 0.0))
+
 
 class Log(ABC):
     """The tables of a file with the clock of its rows; each format has a subclass."""

@@ -13,12 +13,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.integrity.findings import Severity
 from h2nav.recordings import telemetry_controls as controls
 from h2nav.recordings.airframe_identity import ardupilot_board, autopilot_uid
+from h2nav.recordings.attitude_tables import ATTITUDES, attitudes_of, truth_of
 from h2nav.recordings.autopilot_log import vehicle_name, what_sensors_lack
 from h2nav.recordings.columns import Format, messages_of
 from h2nav.recordings.compass_rows import compass_rows
 from h2nav.recordings.context import (
     Array,
-    AttitudeTrack,
     CompassRows,
     Context,
     GpsTrack,
@@ -32,7 +32,6 @@ from h2nav.recordings.flight_modes import of_vehicle, px4_mode
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
 from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.lost_frames import LostFrames, missing_share
-from h2nav.recordings.rotations import quaternions
 from h2nav.recordings.spans import silences, spans
 from h2nav.recordings.telemetry_rows import TelemetryRows, message_ids
 from h2nav.service.imu_choice import preference
@@ -59,14 +58,11 @@ MESSAGE_IDS = frozenset(
         *(row.message_id for row in IMU_MESSAGES.values() if row.read is not None),
         *RECEIVERS,
         HEARTBEAT,
-        mavlink.MAVLINK_MSG_ID_ATTITUDE,
-        mavlink.MAVLINK_MSG_ID_AHRS2,
-        mavlink.MAVLINK_MSG_ID_SIMSTATE,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-        *message_ids(messages_of(Format.TELEMETRY, FIELDS)),
+        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES))),
         *controls.MESSAGE_IDS,
     }
 )
@@ -138,8 +134,8 @@ def context_of(
         start_unix_s=start_unix_s,
         duration_s=duration_s,
         imus=imus,
-        attitudes=_attitudes(clock),
-        truth=_truth(clock),
+        attitudes=attitudes_of(rows, Format.TELEMETRY),
+        truth=truth_of(rows, Format.TELEMETRY),
         gps=gps,
         modes=_modes(clock, kind, duration_s),
         armed=_armed(clock, duration_s),
@@ -293,29 +289,7 @@ def _columns(table: FrameTable, *names: str) -> Array:
     return np.stack([table.fields[name].astype(np.float64) for name in names], axis=1)
 
 
-# --- attitudes and positions ------------------------------------------------------------------
-
-
-def _attitudes(clock: _Clock) -> tuple[AttitudeTrack, ...]:
-    named = {
-        "autopilot": mavlink.MAVLINK_MSG_ID_ATTITUDE,
-        "autopilot's second (AHRS2)": mavlink.MAVLINK_MSG_ID_AHRS2,
-    }
-    found = (_attitude(clock, name, message_id) for name, message_id in named.items())
-    return tuple(track for track in found if track is not None)
-
-
-def _truth(clock: _Clock) -> AttitudeTrack | None:
-    return _attitude(clock, "truth", mavlink.MAVLINK_MSG_ID_SIMSTATE)
-
-
-def _attitude(clock: _Clock, name: str, message_id: int) -> AttitudeTrack | None:
-    table = clock[message_id]
-    if table is None:
-        return None
-    angles = _columns(table, "roll", "pitch", "yaw")
-    good = np.isfinite(angles).all(axis=1)
-    return AttitudeTrack(name, clock.t_s(table)[good], quaternions(angles[good]))
+# --- positions ------------------------------------------------------------------
 
 
 def _receivers(clock: _Clock) -> tuple[GpsTrack, ...]:

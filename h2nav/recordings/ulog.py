@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.integrity.findings import Severity
 from h2nav.recordings import imu_series
 from h2nav.recordings import ulog_controls as controls
+from h2nav.recordings.attitude_tables import attitudes_of, truth_of
 from h2nav.recordings.autopilot_log import (
     FIX_3D,
     MAX_BURSTS,
@@ -31,7 +32,6 @@ from h2nav.recordings.autopilot_log import (
 from h2nav.recordings.columns import Format
 from h2nav.recordings.context import (
     Array,
-    AttitudeTrack,
     Burst,
     CompassTrack,
     Context,
@@ -44,7 +44,6 @@ from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import FIX_AGE_US, MAX_INSTANCES, Rows
-from h2nav.recordings.rotations import are_units, normalized
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
 from h2nav.wire.imu import MAX_IMUS, UT_PER_GAUSS
@@ -97,7 +96,6 @@ SEVERITIES = (
     Severity.INFO,
     Severity.INFO,
 )
-QUATERNION = ("q[0]", "q[1]", "q[2]", "q[3]")
 # The estimator selected by SYS_MC_EST_GROUP, while there was a choice.
 EKF2_GROUP = 2.0
 
@@ -124,8 +122,8 @@ def recorded(file: ULogFile) -> Recorded:
     vehicle_type = _vehicle_type(log, parameters)
     imus, readings = imus_of(log, _imu_rows(log), _compasses(log))
     gps, fix_us, receiver = _gps(log)
-    attitudes = _attitudes(log, parameters)
     kind = (mavlink.MAV_AUTOPILOT_PX4, vehicle_type)
+    attitudes = attitudes_of(log, Format.ULOG, _flown_by(parameters))
     context = Context(
         firmware=_firmware(log),
         uid=str(log.file.info.get("sys_uuid", "")).lower(),
@@ -136,7 +134,7 @@ def recorded(file: ULogFile) -> Recorded:
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
-        truth=_attitude("truth", log.find("vehicle_attitude_groundtruth", *QUATERNION)),
+        truth=truth_of(log, Format.ULOG),
         gps=gps,
         modes=_modes(log),
         primary=_primary(log),
@@ -409,32 +407,10 @@ def start_unix_s(log: ULogRows) -> float | None:
 # --- attitudes --------------------------------------------------------------------------------
 
 
-def _attitudes(log: ULogRows, parameters: dict[str, float]) -> tuple[AttitudeTrack, ...]:
-    """The attitude used for control, and every instance of the estimator."""
+def _flown_by(parameters: dict[str, float]) -> str:
+    """Name of the estimator used for control."""
     chosen = parameters.get("SYS_MC_EST_GROUP", EKF2_GROUP)
-    name = "EKF2" if chosen == EKF2_GROUP else "attitude_estimator_q"
-    found = [_attitude(name, log.find("vehicle_attitude", *QUATERNION))]
-    for rows in log.instances("estimator_attitude", *QUATERNION):
-        found.append(_attitude(f"EKF2 instance {rows.number + 1}", rows))
-    return tuple(track for track in found if track is not None)
-
-
-def _attitude(name: str, rows: Rows | None) -> AttitudeTrack | None:
-    """The attitude at the time of its samples."""
-    if rows is None:
-        return None
-    q_nb = rows.table.numbers(*QUATERNION)
-    good = are_units(q_nb)
-    t_us = rows.sample_us
-    good[good] = in_order(t_us[good])
-    if not good.any():
-        return None
-    return AttitudeTrack(name, log_time(rows, t_us)[good], normalized(q_nb[good]))
-
-
-def log_time(rows: Rows, t_us: Times) -> Array:
-    """Other times of the same rows, since the log began."""
-    return np.asarray(np.maximum(rows.t_s - (rows.t_us - t_us) * 1e-6, 0.0))
+    return "EKF2" if chosen == EKF2_GROUP else "attitude_estimator_q"
 
 
 def _primary(log: ULogRows) -> tuple[Span, ...]:

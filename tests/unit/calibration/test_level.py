@@ -7,8 +7,8 @@ from h2nav.calibration.imu import Forces, tracks_of
 from h2nav.calibration.level import calibrate_level
 from h2nav.calibration.outcome import Outcome
 from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.recordings.board_trim import Trim
 from h2nav.recordings.context import Context, GpsTrack, Series, Span
-from h2nav.recordings.dataflash import Trim
 from h2nav.reviews.flight import Estimates
 from tests.unit.calibration.fields import body_axes
 from tests.unit.calibration.logs import evidence_of_log, imu_track

@@ -9,6 +9,7 @@ import pytest
 from made_logs import START_US, DataflashWriter, ULogWriter
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.maths.quaternion import from_euler
 from h2nav.recordings.autopilot_log import has_enough_samples
 from h2nav.recordings.columns import Format, messages_of
 from h2nav.recordings.context import Context
@@ -243,6 +244,46 @@ def test_fields_tell_where_they_come_from(tmp_path: Path):
     writer.add("CURR", "Qff", "TimeUS,Volt,Curr", TIMES, 12.0, 3.0)
     origins = dataflash(tmp_path, writer).origins
     assert (origins["batteries"], origins["current_a"]) == ("CURR", "CURR.Curr")
+
+
+# --- estimators and sensors -----------------------------------------------------------------------
+
+
+def test_an_attitude_is_the_same_in_every_format_where_it_is_one(tmp_path: Path):
+    """In degrees, as a quaternion of length 1, in radians; the last row is damaged."""
+    angles = np.tile((0.2, -0.1, 1.5), (len(TIMES), 1))
+    angles[-1] = np.nan
+    q_nb = np.array([from_euler(*row) for row in angles])
+    q_nb[-1] = 7.0
+    writer = DataflashWriter()
+    for name in ("ATT", "AHR2", "SIM"):
+        writer.add(name, "Qfff", "TimeUS,Roll,Pitch,Yaw", TIMES, *np.degrees(angles).T)
+    writer.add("XKQ1", "Qffff", "TimeUS,Q1,Q2,Q3,Q4", TIMES, *q_nb.T)
+    writer.add("NKF6", "Qfff", "TimeUS,Roll,Pitch,Yaw", TIMES, *np.degrees(angles).T)
+    px4 = ULogWriter()
+    for name in ("vehicle_attitude", "estimator_attitude", "vehicle_attitude_groundtruth"):
+        px4.add(name, "uint64_t timestamp_sample;float[4] q", TIMES, TIMES - 2000, q_nb)
+    wired = [
+        message
+        for row in angles.tolist()
+        for message in (
+            mavlink.MAVLink_attitude_message(0, *row, 0, 0, 0),
+            mavlink.MAVLink_ahrs2_message(*row, 0, 0, 0),
+            mavlink.MAVLink_simstate_message(*row, *[0] * 8),
+        )
+    ]
+    for context, names in (
+        (dataflash(tmp_path, writer), ["autopilot", "EKF3 core 1", "EKF2 core 2", "AHRS2"]),
+        (ulog(tmp_path, px4), ["EKF2", "EKF2 instance 1"]),
+        (telemetry(tmp_path, *wired), ["autopilot", "autopilot's second (AHRS2)"]),
+    ):
+        assert [track.name for track in context.attitudes] == names
+        assert context.truth is not None
+        for track in (*context.attitudes, context.truth):
+            assert len(track.t_s) == len(TIMES) - 1
+            np.testing.assert_allclose(track.q_nb, q_nb[:-1], atol=1e-6)
+    # As old as its samples.
+    assert ulog(tmp_path, px4).attitudes[0].t_s[5] == pytest.approx(0.498)
 
 
 # --- old logs in which only the GPS, or nothing, has a time ---------------------------------------

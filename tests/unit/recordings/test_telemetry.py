@@ -14,7 +14,8 @@ from h2nav.maths.quaternion import from_euler
 from h2nav.recordings.context import Context
 from h2nav.recordings.frame_tables import tables
 from h2nav.recordings.recording import open_recording
-from h2nav.recordings.telemetry import MESSAGE_IDS, context_of, quaternions
+from h2nav.recordings.rotations import quaternions
+from h2nav.recordings.telemetry import MESSAGE_IDS, context_of
 from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.readers import READERS
