@@ -86,8 +86,8 @@ class Counted(NamedTuple):
 
 def dataflash_facts(path: Path) -> tuple[list[Coordinates], float | None]:
     """Some fixes of a log, the first one first, and its date."""
-    from h2nav.recordings.dataflash import start_unix_s
     from h2nav.recordings.dataflash_rows import DataflashRows
+    from h2nav.recordings.receiver_tables import start_unix_s
 
     fixes: list[Coordinates] = []
     unix_s: float | None = None
@@ -101,7 +101,7 @@ def dataflash_facts(path: Path) -> tuple[list[Coordinates], float | None]:
 
 def ulog_facts(path: Path) -> tuple[list[Coordinates], float | None]:
     """The same of PX4's log."""
-    from h2nav.recordings.ulog import start_unix_s
+    from h2nav.recordings.receiver_tables import start_unix_s
     from h2nav.recordings.ulog_rows import ULogRows
     from h2nav.recordings.ulog_tables import read_ulog
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from h2nav.recordings.board_trim import NO_TRIM, Trim
-from h2nav.recordings.columns import Field, Format, RowFinder, Source, axes, column, read
+from h2nav.recordings.columns import Field, RowFinder, Source, axes, column, read
 from h2nav.recordings.context import Array, AttitudeTrack
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import Rows
@@ -121,7 +121,7 @@ ATTITUDES = (*ESTIMATORS, *TRUTH)
 
 
 def attitudes_of(
-    log: RowFinder, format_: Format, flown_by: str = "", trim: Trim = NO_TRIM
+    log: RowFinder, flown_by: str = "", trim: Trim = NO_TRIM
 ) -> tuple[AttitudeTrack, ...]:
     """The attitudes of the autopilot's estimators; the first one was used for control.
 
@@ -129,13 +129,13 @@ def attitudes_of(
         flown_by: name of the estimator used for control, where the log does not have it.
         trim: of the autopilot's board.
     """
-    found = read(log, format_, ESTIMATORS).values.values()
+    found = read(log, ESTIMATORS).values.values()
     return tuple(_track(one, flown_by, trim) for several in found for one in several)
 
 
-def truth_of(log: RowFinder, format_: Format) -> AttitudeTrack | None:
+def truth_of(log: RowFinder) -> AttitudeTrack | None:
     """The attitude of a simulator; None elsewhere."""
-    found = read(log, format_, TRUTH).values["truth"]
+    found = read(log, TRUTH).values["truth"]
     return _track(found[0], "", NO_TRIM) if found else None
 
 

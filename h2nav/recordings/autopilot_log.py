@@ -30,7 +30,6 @@ from h2nav.recordings.imu_series import (
     MIN_IMU_HZ,
     Fields,
     ImuRows,
-    Mask,
     Readings,
     Samples,
     Times,
@@ -64,10 +63,7 @@ BLOCK_US = SECOND_US
 ATTITUDE_STEP_US = 50_000
 # Parameters that are counters and change by themselves.
 COUNTERS = "STAT_"
-# Of the receivers, the first ones.
-MAX_RECEIVERS = 2
 MAX_BURSTS = 2_000
-FIX_3D = 3
 
 
 class Setting(NamedTuple):
@@ -439,11 +435,6 @@ def _changes(settings: Iterable[tuple[float, str, float]]) -> tuple[ChangedSetti
         if before != value and not name.startswith(COUNTERS):
             found.append(ChangedSetting(t_s, name, before, value))
     return tuple(found)
-
-
-def is_on_earth(latitude_deg: Array, longitude_deg: Array) -> Mask:
-    """(N,) whether these are a latitude and a longitude."""
-    return np.asarray((np.abs(latitude_deg) <= 90.0) & (np.abs(longitude_deg) <= 180.0))
 
 
 def vehicle_name(vehicle_type: int) -> str:

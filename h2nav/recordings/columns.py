@@ -33,6 +33,10 @@ class Format(StrEnum):
 class RowFinder(Protocol):
     """A log of any format: the rows of its messages."""
 
+    @property
+    def format(self) -> Format:
+        """Its format."""
+
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:
         """The rows of each instance of a message or topic that has these columns."""
 
@@ -147,11 +151,11 @@ def messages_of(format_: Format, fields: tuple[Field, ...]) -> frozenset[str]:
     return frozenset(part.message for group in sources for one in group for part in one.parts())
 
 
-def read(log: RowFinder, format_: Format, fields: tuple[Field, ...]) -> Filled:
+def read(log: RowFinder, fields: tuple[Field, ...]) -> Filled:
     """Fills fields out of a log."""
     found = Filled({}, {})
     for field in fields:
-        alternatives = getattr(field, format_.value)
+        alternatives = getattr(field, log.format.value)
         value, origin = next(
             (
                 each

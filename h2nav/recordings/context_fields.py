@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.recordings.columns import Format, RowFinder, read
+from h2nav.recordings.columns import RowFinder, read
 from h2nav.recordings.context import Context, GpsTrack, HeightTrack, Motors, OutputBank
 from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.motor_outputs import (
@@ -25,7 +25,6 @@ from h2nav.recordings.sticks import sticks_of
 
 def table_fields(
     log: RowFinder,
-    format_: Format,
     parameters: Mapping[str, float],
     kind: tuple[int, int],
     gps: Iterable[GpsTrack],
@@ -34,12 +33,11 @@ def table_fields(
 
     Args:
         log: the rows of a recording.
-        format_: of the log.
         parameters: at the beginning: a change in flight renames no motor and no stick.
         kind: MAV_AUTOPILOT and MAV_TYPE.
         gps: the receivers, which are sources of height too.
     """
-    values, origins = read(log, format_, FIELDS)
+    values, origins = read(log, FIELDS)
     is_px4 = kind[0] == mavlink.MAV_AUTOPILOT_PX4
     values["motors"] = _motors(values, parameters, kind)
     pilot = values.pop("pilot")

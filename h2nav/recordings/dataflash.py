@@ -22,24 +22,19 @@ from h2nav.recordings import flight_modes, imu_series
 from h2nav.recordings.airframe_identity import ardupilot_board
 from h2nav.recordings.attitude_tables import attitudes_of, truth_of
 from h2nav.recordings.autopilot_log import (
-    FIX_3D,
     MAX_BURSTS,
-    MAX_RECEIVERS,
     AutopilotLog,
     Recorded,
     Setting,
     completed,
     imus_of,
-    is_on_earth,
 )
 from h2nav.recordings.board_trim import Trim
-from h2nav.recordings.columns import Format
 from h2nav.recordings.context import (
     Array,
     Burst,
     CompassTrack,
     Context,
-    GpsTrack,
     Said,
     Series,
     Span,
@@ -48,21 +43,14 @@ from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.dataflash_errors import said_of_error
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
-from h2nav.recordings.imu_series import Fields, ImuRows, Mask, Samples, Times
+from h2nav.recordings.imu_series import Fields, ImuRows, Mask, Samples
 from h2nav.recordings.log_rows import Rows
+from h2nav.recordings.receiver_tables import is_on_earth, receivers_of, start_unix_s
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
 from h2nav.wire.imu import MAX_IMUS, UT_PER_MGAUSS
-from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S, Place
+from h2nav.wire.position import Place
 
-GPS_EPOCH_UNIX_S = 315_964_800.0
-WEEK_S = 604_800.0
-# Since 2017; one more than in 2015, which does not matter to the field model.
-LEAP_S = 18.0
-# A receiver without the date counts from the first weeks.
-MIN_WEEK = 1_500
-FIX_AGE_US = 1_000_000
-SAME_FIX_US = 100_000
 ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
 # Raw values come in blocks; a gap of more periods begins another.
 BURST_PAUSE = 5.0
@@ -161,10 +149,10 @@ def recorded(tables: LogTables) -> Recorded:
     vehicle_type = _vehicle_type(kind, parameters)
     trim = Trim(parameters)
     imus, readings = imus_of(log, _imu_rows(log), _compasses(log, trim), trim.vectors)
-    gps, fix_us, receiver = _gps(log)
-    attitudes = attitudes_of(log, Format.DATAFLASH, _flown_by(parameters), trim)
+    receivers = receivers_of(log)
+    attitudes = attitudes_of(log, _flown_by(parameters), trim)
     autopilot = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, vehicle_type)
-    table = table_fields(log, Format.DATAFLASH, _first_values(settings), autopilot, gps)
+    table = table_fields(log, _first_values(settings), autopilot, receivers.tracks)
     table["airborne"] = _airborne(log)
     board, uid = ardupilot_board(one.text for one in said)
     context = Context(
@@ -177,8 +165,8 @@ def recorded(tables: LogTables) -> Recorded:
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
-        truth=truth_of(log, Format.DATAFLASH),
-        gps=gps,
+        truth=truth_of(log),
+        gps=receivers.tracks,
         modes=_modes(log, kind),
         primary=_primary(log),
         flown_by=_in_use(log),
@@ -199,8 +187,8 @@ def recorded(tables: LogTables) -> Recorded:
         *autopilot,
         log.clock.start_us,
         readings,
-        receiver,
-        fix_us,
+        receivers.used,
+        receivers.fix_us,
         next((track for track in attitudes if not track.name.startswith(SECOND)), None),
         next((track for track in attitudes if track.name == SECOND), None),
         context.measured["airspeed_m_s"],
@@ -330,87 +318,7 @@ def _batches(log: DataflashRows) -> Iterator[Burst]:
             yield Burst(int(imu), BURST_KINDS[int(kind)], t_s, rate_hz, part / factor)
 
 
-# --- position and time ------------------------------------------------------------------------
-
-
-def _gps(log: DataflashRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
-    """Receivers; times of measurement of the one in use, and its number."""
-    accuracies = {rows.number: rows for rows in log.instances("GPA", "SAcc")}
-    powers = {rows.number: _power(rows) for rows in log.instances("UBX1", "noisePerMS", "jamInd")}
-    tracks, stamps, uses = [], {}, {}
-    for rows in log.instances("GPS", "Status", "Lat", "Lng", "Alt", "Spd", "GCrs"):
-        if rows.number >= MAX_RECEIVERS:
-            continue
-        track, stamp_us = _receiver(rows, accuracies.get(rows.number))
-        tracks.append(track._replace(power=powers.get(rows.number)))
-        stamps[rows.number] = stamp_us
-        used = rows.table.integers("U") != 0 if "U" in rows.table else np.ones(len(rows.t_us))
-        uses[rows.number] = np.count_nonzero(track.has_fix & used.astype(np.bool_))
-    if not tracks:
-        return (), np.empty(0, np.int64), 0
-    receiver = max(uses, key=lambda number: uses[number])
-    return tuple(tracks), stamps[receiver], receiver
-
-
-def _power(rows: Rows) -> Series:
-    """What a u-blox receiver measures at its antenna; 0 where its firmware does not."""
-    table = rows.table
-    columns = ("noisePerMS", "agcCnt", "jamInd")
-    return Series(rows.t_s, np.stack([table.numbers_or_nan(name) for name in columns], axis=1))
-
-
-def _receiver(rows: Rows, accuracy: Rows | None) -> tuple[GpsTrack, Times]:
-    """The fixes of one receiver, and their times of measurement."""
-    table, count = rows.table, len(rows.t_us)
-    speed, course = table.numbers("Spd"), np.radians(table.numbers("GCrs"))
-    # Down, in spite of its name; 0 means that it is not measured.
-    down = table.numbers_or_nan("VZ")
-    sigma, stamp_us = np.full(count, DEFAULT_SIGMA_M_S), rows.t_us
-    if accuracy is not None:
-        place = np.searchsorted(accuracy.t_us, rows.t_us).clip(max=len(accuracy.t_us) - 1)
-        same = np.abs(accuracy.t_us[place] - rows.t_us) <= SAME_FIX_US
-        stated = accuracy.table.numbers("SAcc")[place]
-        sigma = np.where(same & (stated > 0.0), stated, sigma)
-        if "VV" in accuracy.table:
-            has_down = accuracy.table.integers("VV")[place] != 0
-            down = np.where(same & ~has_down, np.nan, down)
-        if "SMS" in accuracy.table:
-            measured_us = accuracy.table.integers("SMS")[place] * 1000
-            age_us = rows.t_us - measured_us
-            is_age = same & (age_us >= 0) & (age_us <= FIX_AGE_US)
-            stamp_us = np.where(is_age, measured_us, stamp_us)
-    v_n = np.stack((speed * np.cos(course), speed * np.sin(course), down), axis=1)
-    with np.errstate(invalid="ignore"):
-        v_n[~(np.abs(v_n[:, :2]) <= FASTEST_M_S).all(axis=1)] = np.nan
-        v_n[~(np.abs(v_n[:, 2]) <= FASTEST_M_S), 2] = np.nan
-    latitude, longitude = table.numbers("Lat"), table.numbers("Lng")
-    track = GpsTrack(
-        rows.number,
-        rows.t_s,
-        (table.integers("Status") >= FIX_3D) & is_on_earth(latitude, longitude),
-        latitude,
-        longitude,
-        table.numbers("Alt"),
-        v_n,
-        sigma,
-        table.numbers_or_nan("NSats"),
-    )
-    return track, stamp_us
-
-
-def start_unix_s(log: DataflashRows) -> float | None:
-    """From the receiver's week and time of week, at the first fix."""
-    for week, time_ms in (("GWk", "GMS"), ("Week", "TimeMS")):
-        rows = log.find("GPS", "Status", week, time_ms)
-        if rows is None:
-            continue
-        good = rows.table.integers("Status") >= FIX_3D
-        good &= rows.table.integers(week) >= MIN_WEEK
-        if good.any():
-            weeks, times_ms = rows.table.numbers(week)[good], rows.table.numbers(time_ms)[good]
-            unix_s = GPS_EPOCH_UNIX_S + WEEK_S * weeks + 1e-3 * times_ms - LEAP_S
-            return float(np.median(unix_s - rows.t_s[good]))
-    return None
+# --- where it started ------------------------------------------------------------------------
 
 
 def _origin(log: DataflashRows) -> Place | None:

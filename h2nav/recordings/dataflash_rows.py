@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from h2nav.recordings.columns import Format
 from h2nav.recordings.imu_series import Times
 from h2nav.recordings.log_clock import LogClock, is_running
 from h2nav.recordings.log_rows import MAX_INSTANCES, Log, Rows
@@ -28,6 +29,7 @@ MAX_INTERVAL, MAX_TIME = 1_000_000, 1 << 32
 class DataflashRows(Log):
     """The messages of a dataflash log."""
 
+    format = Format.DATAFLASH
     is_timed: bool  # whether most rows have a time of their own
 
     @staticmethod

@@ -18,7 +18,6 @@ from h2nav.errors import BadInput
 from h2nav.log.file import LATEST_NS, new_file
 from h2nav.log.message_schema import field_units
 from h2nav.log.progress import Progress
-from h2nav.recordings.dataflash import start_unix_s as dataflash_start
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import Piece, dataflash_pieces, is_dataflash
 from h2nav.recordings.frame_tables import fields_of
@@ -28,9 +27,9 @@ from h2nav.recordings.log_rows import Log
 from h2nav.recordings.mcap_recording import McapRecording
 from h2nav.recordings.opening import PROBE_BYTES
 from h2nav.recordings.protobuf_rows import RowMessages, Rows
+from h2nav.recordings.receiver_tables import start_unix_s
 from h2nav.recordings.recording import open_recording
 from h2nav.recordings.row_tables import Table
-from h2nav.recordings.ulog import start_unix_s as ulog_start
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import is_ulog, ulog_pieces
 from h2nav.recordings.viewer_rows import SCHEMAS, viewer_messages
@@ -205,7 +204,7 @@ def _of_dataflash(path: Path, progress: Progress) -> Iterator[list[Part]]:
     """The log is read twice, because its date may come late."""
     units = _Units()
     logs = (DataflashRows(piece.tables) for piece in dataflash_pieces(path))
-    offset_ns = _unix_offset_ns((log, dataflash_start(log)) for log in logs)
+    offset_ns = _unix_offset_ns((log, start_unix_s(log)) for log in logs)
     for piece in dataflash_pieces(path, progress):
         units.learn(piece)
         yield list(_table_parts("dataflash", DataflashRows(piece.tables), offset_ns, units))
@@ -214,7 +213,7 @@ def _of_dataflash(path: Path, progress: Progress) -> Iterator[list[Part]]:
 def _of_ulog(path: Path, progress: Progress) -> Iterator[list[Part]]:
     """Like `_of_dataflash`."""
     logs = (ULogRows(piece) for piece in ulog_pieces(path))
-    offset_ns = _unix_offset_ns((log, ulog_start(log)) for log in logs)
+    offset_ns = _unix_offset_ns((log, start_unix_s(log)) for log in logs)
     for piece in ulog_pieces(path, progress):
         log = ULogRows(piece)
         yield [*_ulog_notes(log, offset_ns), *_table_parts("ulog", log, offset_ns, _Units())]
@@ -222,10 +221,10 @@ def _of_ulog(path: Path, progress: Progress) -> Iterator[list[Part]]:
 
 def _unix_offset_ns(dated: Iterable[tuple[Log, float | None]]) -> int:
     """UNIX time minus the time since boot, from the first log with a date; 0 without one."""
-    for log, start_unix_s in dated:
-        if start_unix_s is not None:
+    for log, unix_s in dated:
+        if unix_s is not None:
             # A float holds it to a quarter of a microsecond.
-            return (round(start_unix_s * 1e6) - log.clock.start_us) * NS_PER_US
+            return (round(unix_s * 1e6) - log.clock.start_us) * NS_PER_US
     return 0
 
 

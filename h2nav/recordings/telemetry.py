@@ -21,7 +21,6 @@ from h2nav.recordings.context import (
     Array,
     CompassRows,
     Context,
-    GpsTrack,
     ImuTrack,
     Said,
     Span,
@@ -32,6 +31,7 @@ from h2nav.recordings.flight_modes import of_vehicle, px4_mode
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
 from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.lost_frames import LostFrames, missing_share
+from h2nav.recordings.receiver_tables import RECEIVERS, receivers_of, start_unix_s
 from h2nav.recordings.spans import silences, spans
 from h2nav.recordings.telemetry_rows import TelemetryRows, message_ids
 from h2nav.service.imu_choice import preference
@@ -46,23 +46,18 @@ from h2nav.wire.imu import (
     UT_PER_GAUSS,
     UT_PER_MGAUSS,
 )
-from h2nav.wire.position import DEFAULT_SIGMA_M_S, UNKNOWN_UINT16
 
 HIGHRES_IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
-RECEIVERS = (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_GPS2_RAW)
-CENTI = 1e-2
 
 MESSAGE_IDS = frozenset(
     {
         *(row.message_id for row in IMU_MESSAGES.values() if row.read is not None),
-        *RECEIVERS,
         HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
-        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES))),
+        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES, *RECEIVERS))),
         *controls.MESSAGE_IDS,
     }
 )
@@ -122,8 +117,9 @@ def context_of(
     duration_s = (end_ns - start_ns) * 1e-9
     imus = _imus(clock, kind[0])
     parameters = _parameters(clock, kind[0])
-    start_unix_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else _date(clock)
-    rows, gps = TelemetryRows(own, start_ns), _receivers(clock)
+    rows = TelemetryRows(own, start_ns)
+    recorded_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else None
+    gps = receivers_of(rows).tracks
     said = _said(clock)
     board, uid = ardupilot_board(one.text for one in said)
     context = Context(
@@ -131,11 +127,11 @@ def context_of(
         board=board,
         system_id=0 if beats is None else int(beats.senders[0][0]),
         vehicle=vehicle_name(kind[1]),
-        start_unix_s=start_unix_s,
+        start_unix_s=recorded_s or start_unix_s(rows),
         duration_s=duration_s,
         imus=imus,
-        attitudes=attitudes_of(rows, Format.TELEMETRY),
-        truth=truth_of(rows, Format.TELEMETRY),
+        attitudes=attitudes_of(rows),
+        truth=truth_of(rows),
         gps=gps,
         modes=_modes(clock, kind, duration_s),
         armed=_armed(clock, duration_s),
@@ -146,7 +142,7 @@ def context_of(
         faults=controls.faults(clock.find),
         silent=_silent(own, start_ns),
         notes=notes,
-        **table_fields(rows, Format.TELEMETRY, parameters, kind, gps),
+        **table_fields(rows, parameters, kind, gps),
     )
     firmware = _firmware(context.said)
     return context._replace(firmware=firmware, missing=_missing(context, beats is not None))
@@ -289,42 +285,6 @@ def _columns(table: FrameTable, *names: str) -> Array:
     return np.stack([table.fields[name].astype(np.float64) for name in names], axis=1)
 
 
-# --- positions ------------------------------------------------------------------
-
-
-def _receivers(clock: _Clock) -> tuple[GpsTrack, ...]:
-    tables = ((number, clock[i]) for number, i in enumerate(RECEIVERS))
-    return tuple(_receiver(clock, number, found) for number, found in tables if found is not None)
-
-
-def _receiver(clock: _Clock, number: int, table: FrameTable) -> GpsTrack:
-    fields = table.fields
-    speed, course = fields["vel"], fields["cog"]
-    speed_m_s, course_rad = speed * CENTI, np.radians(course * CENTI)
-    v_n = np.stack(
-        (
-            speed_m_s * np.cos(course_rad),
-            speed_m_s * np.sin(course_rad),
-            np.full(len(speed), np.nan),
-        ),
-        axis=1,
-    )
-    v_n[(speed == UNKNOWN_UINT16) | (course == UNKNOWN_UINT16)] = np.nan
-    sigma_m_s = fields["vel_acc"] * 1e-3 if "vel_acc" in (fields.dtype.names or ()) else 0.0
-    satellites = fields["satellites_visible"].astype(np.float64)
-    return GpsTrack(
-        number,
-        clock.t_s(table),
-        np.asarray(fields["fix_type"] >= mavlink.GPS_FIX_TYPE_3D_FIX),
-        fields["lat"] * 1e-7,
-        fields["lon"] * 1e-7,
-        fields["alt"] * 1e-3,
-        v_n,
-        np.where(sigma_m_s == 0.0, DEFAULT_SIGMA_M_S, sigma_m_s) * np.ones(len(speed)),
-        np.where(satellites == 255, np.nan, satellites),
-    )
-
-
 # --- the vehicle ------------------------------------------------------------------------------
 
 
@@ -396,18 +356,6 @@ def _parameters(clock: _Clock, autopilot: int) -> dict[str, float]:
         values = np.where(is_integer, values.view(np.int32), values.astype(np.float64))
     pairs = zip(names, values.tolist(), strict=True)
     return {name: value for name, value in pairs if math.isfinite(value)}
-
-
-def _date(clock: _Clock) -> float | None:
-    """UNIX time of the start, by the autopilot's clock."""
-    table = clock[mavlink.MAVLINK_MSG_ID_SYSTEM_TIME]
-    if table is None:
-        return None
-    unix_s: NDArray[np.float64] = table.fields["time_unix_usec"] * 1e-6
-    known = unix_s > 0.0
-    if not known.any():
-        return None
-    return float(np.median((unix_s - clock.t_s(table))[known]))
 
 
 def _missing(context: Context, has_autopilot: bool) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from h2nav.recordings.columns import Format
 from h2nav.recordings.frame_tables import FrameTable, fields_type
 from h2nav.recordings.log_rows import MAX_INSTANCES, Rows
 from h2nav.recordings.row_tables import Table
@@ -28,6 +29,8 @@ class TelemetryRows:
         tables: message id -> its frames.
         start_ns: arrival of the first bytes of the recording.
     """
+
+    format = Format.TELEMETRY
 
     def __init__(self, tables: Mapping[int, FrameTable], start_ns: int) -> None:
         self._tables = tables

@@ -19,40 +19,31 @@ from h2nav.recordings import imu_series
 from h2nav.recordings import ulog_controls as controls
 from h2nav.recordings.attitude_tables import attitudes_of, truth_of
 from h2nav.recordings.autopilot_log import (
-    FIX_3D,
     MAX_BURSTS,
-    MAX_RECEIVERS,
     AutopilotLog,
     Recorded,
     Setting,
     completed,
     imus_of,
-    is_on_earth,
 )
-from h2nav.recordings.columns import Format
 from h2nav.recordings.context import (
     Array,
     Burst,
     CompassTrack,
     Context,
-    GpsTrack,
     Said,
-    Series,
     Span,
 )
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import FIX_AGE_US, MAX_INSTANCES, Rows
+from h2nav.recordings.receiver_tables import receivers_of, start_unix_s
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
 from h2nav.wire.imu import MAX_IMUS, UT_PER_GAUSS
-from h2nav.wire.position import DEFAULT_SIGMA_M_S, FASTEST_M_S
-from h2nav.wire.vehicle import EARLIEST_UNIX_S, LATEST_UNIX_S
 
 ARMED = 2
-# What a receiver measures of the power at its antenna.
-POWER = ("noise_per_ms", "automatic_gain_control", "jamming_indicator")
 # Longest averaging time of a sample.
 LONGEST_MEAN_US = 100_000
 FIFO_VALUES = 32
@@ -121,9 +112,9 @@ def recorded(file: ULogFile) -> Recorded:
     parameters = {setting.name: setting.value for setting in settings}
     vehicle_type = _vehicle_type(log, parameters)
     imus, readings = imus_of(log, _imu_rows(log), _compasses(log))
-    gps, fix_us, receiver = _gps(log)
+    receivers = receivers_of(log)
     kind = (mavlink.MAV_AUTOPILOT_PX4, vehicle_type)
-    attitudes = attitudes_of(log, Format.ULOG, _flown_by(parameters))
+    attitudes = attitudes_of(log, _flown_by(parameters))
     context = Context(
         firmware=_firmware(log),
         uid=str(log.file.info.get("sys_uuid", "")).lower(),
@@ -134,8 +125,8 @@ def recorded(file: ULogFile) -> Recorded:
         compasses=tuple(_compass_tracks(log)),
         bursts=_bursts(log),
         attitudes=attitudes,
-        truth=truth_of(log, Format.ULOG),
-        gps=gps,
+        truth=truth_of(log),
+        gps=receivers.tracks,
         modes=_modes(log),
         primary=_primary(log),
         said=_said(log),
@@ -143,7 +134,7 @@ def recorded(file: ULogFile) -> Recorded:
         compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
         silent=log.silences(),
-        **table_fields(log, Format.ULOG, parameters, kind, gps),
+        **table_fields(log, parameters, kind, receivers.tracks),
     )
     hidden = "only one IMU, because the others were logged too seldom"
     return Recorded(
@@ -151,8 +142,8 @@ def recorded(file: ULogFile) -> Recorded:
         *kind,
         log.clock.start_us,
         readings,
-        receiver,
-        fix_us,
+        receivers.used,
+        receivers.fix_us,
         flown=attitudes[0] if attitudes else None,
         airspeed_m_s=context.measured["airspeed_m_s"],
         airspeed_is_true=True,
@@ -333,75 +324,6 @@ def _fifo(log: ULogRows, rows: Rows, sensor: str) -> Iterator[Burst]:
         if len(part) >= 2 * FIFO_VALUES and np.isfinite(part).all():
             t_s = float(log.since_start(ends[first : first + 1])[0])
             yield Burst(rows.number, sensor, t_s, 1e6 / usual_us, part)
-
-
-# --- position and time ------------------------------------------------------------------------
-
-
-def _gps(log: ULogRows) -> tuple[tuple[GpsTrack, ...], Times, int]:
-    """Receivers; times of measurement of the one in use, and its number."""
-    velocity = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
-    # sensor_gps has one instance per receiver; vehicle_gps_position is the one used for control
-    # (until 1.11 the receiver itself).
-    found = []
-    for topic in ("sensor_gps", "vehicle_gps_position"):
-        found = [*log.instances(topic, "fix_type", *velocity)][:MAX_RECEIVERS]
-        if found:
-            break
-    tracks = tuple(track for rows in found if (track := _receiver(rows, velocity)) is not None)
-    if not tracks:
-        return (), np.empty(0, np.int64), 0
-    receiver = max(tracks, key=lambda track: int(track.has_fix.sum())).receiver
-    stamps = next(rows.sample_us for rows in found if rows.number == receiver)
-    return tracks, stamps, receiver
-
-
-def _receiver(rows: Rows, velocity: tuple[str, ...]) -> GpsTrack | None:
-    table, count = rows.table, len(rows.t_us)
-    if "latitude_deg" in table and "longitude_deg" in table:
-        latitude, longitude = table.numbers("latitude_deg"), table.numbers("longitude_deg")
-    elif "lat" in table and "lon" in table:
-        latitude, longitude = table.numbers("lat") * 1e-7, table.numbers("lon") * 1e-7
-    else:
-        return None
-    altitude = np.zeros(count)
-    if "altitude_msl_m" in table:
-        altitude = table.numbers("altitude_msl_m")
-    elif "alt" in table:
-        altitude = table.numbers("alt") * 1e-3
-    v_n = table.numbers(*velocity)
-    known = (np.abs(np.nan_to_num(v_n, nan=np.inf)) <= FASTEST_M_S).all(axis=1)
-    if "vel_ned_valid" in table:
-        known &= table.integers("vel_ned_valid") != 0
-    v_n[~known] = np.nan
-    sigma = table.numbers_or_nan("s_variance_m_s")
-    return GpsTrack(
-        rows.number,
-        rows.t_s,
-        (table.integers("fix_type") >= FIX_3D)
-        & is_on_earth(latitude, longitude)
-        & np.isfinite(altitude),
-        latitude,
-        longitude,
-        altitude,
-        v_n,
-        np.where(sigma > 0.0, sigma, DEFAULT_SIGMA_M_S),
-        table.numbers_or_nan("satellites_used"),
-        table.integers("jamming_state") if "jamming_state" in table else None,
-        table.integers("spoofing_state") if "spoofing_state" in table else None,
-        Series(rows.t_s, np.stack([table.numbers_or_nan(name) for name in POWER], axis=1)),
-    )
-
-
-def start_unix_s(log: ULogRows) -> float | None:
-    """From the receiver's date."""
-    for topic in ("sensor_gps", "vehicle_gps_position"):
-        for rows in log.instances(topic, "time_utc_usec"):
-            unix_s = rows.table.numbers("time_utc_usec") * 1e-6
-            good = (unix_s >= EARLIEST_UNIX_S) & (unix_s < LATEST_UNIX_S)
-            if good.any():
-                return float(np.median(unix_s[good] - rows.t_s[good]))
-    return None
 
 
 # --- attitudes --------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from h2nav.recordings.columns import Format
 from h2nav.recordings.imu_series import Times
 from h2nav.recordings.log_rows import MAX_INSTANCES, Log, Rows
 from h2nav.recordings.row_tables import Table
@@ -10,6 +11,8 @@ from h2nav.recordings.ulog_tables import ULogFile, instance
 
 class ULogRows(Log):
     """The topics of a ULog file."""
+
+    format = Format.ULOG
 
     def __init__(self, file: ULogFile) -> None:
         self.file = file  # the contents

@@ -286,6 +286,70 @@ def test_an_attitude_is_the_same_in_every_format_where_it_is_one(tmp_path: Path)
     assert ulog(tmp_path, px4).attitudes[0].t_s[5] == pytest.approx(0.498)
 
 
+def test_fixes_are_the_same_in_every_format(tmp_path: Path):
+    """3 m/s east; the second is not on earth, the third has no velocity, the last is no fix.
+
+    Of the last one the vertical velocity alone is impossible.
+    """
+    t_us, down = TIMES[:4], np.array((-1.5, -1.5, -1.5, 5_000.0))
+    latitude, has_velocity, kind = [47.0, 100.0, 47.0, 47.0], [1, 1, 0, 1], [3, 3, 3, 1]
+    speed = np.where(has_velocity, 3.0, 2_000.0)
+    writer, powered = DataflashWriter(), "TimeUS,Instance,noisePerMS,jamInd,aPower,agcCnt,config"
+    columns = "TimeUS,I,Status,GMS,GWk,NSats,Lat,Lng,Alt,Spd,GCrs,VZ"
+    place = (latitude, 8.0, 500.0)
+    values = (kind, 100_000_000, 2_300, 12, *place, speed, 90.0, down)
+    writer.add("GPS", "QBBIHBLLefff", columns, t_us, 0, *values)
+    writer.add("GPA", "QBfBI", "TimeUS,I,SAcc,VV,SMS", t_us, 0, 0.2, 1, t_us // 1000 - 50)
+    writer.add("UBX1", "QBHBBHB", powered, t_us, 0, 80, 5, 0, 60, 0)
+    beside = (np.zeros(4), speed, down, 0.2, 12, 1, 2, 80, 5, 60)
+    fields = "uint8_t fix_type;{};float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;"
+    fields += "float s_variance_m_s;uint8_t satellites_used;uint8_t jamming_state;"
+    fields += "uint8_t spoofing_state;uint16_t noise_per_ms;uint16_t jamming_indicator;"
+    fields += "uint16_t automatic_gain_control"
+    new, old = ULogWriter(), ULogWriter()
+    names = "double latitude_deg;double longitude_deg;double altitude_msl_m"
+    fixes = (kind, *place, *beside, t_us - 50_000)
+    new.add("sensor_gps", f"{fields.format(names)};uint64_t timestamp_sample", t_us, *fixes)
+    names = "int32_t lat;int32_t lon;int32_t alt"
+    fixes = (kind, np.multiply(latitude, 1e7), 80_000_000, 500_000, *beside)
+    old.add("vehicle_gps_position", fields.format(names), t_us, *fixes)
+    widths = np.where(has_velocity, 300, 65535)
+    wired = [
+        mavlink.MAVLink_gps_raw_int_message(
+            0, each, round(north * 1e7), 80_000_000, 500_000, 0, 0, width, 9000, 12, vel_acc=200
+        )
+        for each, north, width in zip(kind, latitude, widths.tolist(), strict=True)
+    ]
+    logs = [dataflash(tmp_path, writer), ulog(tmp_path, new), ulog(tmp_path, old)]
+    for context in (*logs, telemetry(tmp_path, *wired)):
+        (track,) = context.gps
+        assert track.has_fix.tolist() == [True, False, True, False]
+        np.testing.assert_allclose(track.latitude_deg, latitude)
+        assert (track.longitude_deg[0], track.altitude_m[0]) == pytest.approx((8.0, 500.0))
+        assert np.isnan(track.v_n[2, :2]).all()
+        np.testing.assert_allclose(track.v_n[[0, 1, 3], :2], [[0.0, 3.0]] * 3, atol=1e-9)
+        assert (track.sigma_m_s[0], track.satellites[0]) == pytest.approx((0.2, 12))
+    for context in logs:
+        np.testing.assert_array_equal(context.gps[0].v_n[[0, 1, 3], 2], [-1.5, -1.5, np.nan])
+        assert context.gps[0].power is not None
+        assert context.gps[0].power.values[0].tolist() == [80.0, 60.0, 5.0]
+    assert [None if one.gps[0].jamming is None else one.gps[0].jamming[0] for one in logs] == [
+        None, 1, 1,
+    ]  # fmt: skip
+
+
+def test_of_two_receivers_the_first_that_knows_it_tells_the_date(tmp_path: Path):
+    number = np.arange(len(TIMES)) % 2
+    for week, other in ((2_300, 2_301), (0, 2_300)):
+        columns = "TimeUS,I,Status,GMS,GWk"
+        weeks = np.where(number, other, week)
+        writer = DataflashWriter()
+        times_ms = 100_000_000 + (TIMES - START_US) // 1000
+        writer.add("GPS", "QBBIH", columns, TIMES, number, 3, times_ms, weeks)
+        unix_s = dataflash(tmp_path, writer).start_unix_s
+        assert unix_s == pytest.approx(315_964_800 + 2_300 * 604_800 + 100_000 - 18)
+
+
 # --- old logs in which only the GPS, or nothing, has a time ---------------------------------------
 
 
