@@ -194,7 +194,7 @@ def _records(log: RowFinder, field: Field, source: Source) -> Iterator[Any]:
         values = {name: each.values(rows.table) for name, each in source.columns.items()}
         if source.needs and not np.nan_to_num(values[source.needs]).any():
             continue
-        if not any(np.isfinite(each).any() for each in values.values()):
+        if not any(each.dtype.kind == "O" or np.isfinite(each).any() for each in values.values()):
             continue
         if field.record is not Series:
             yield _record(field.record, source, rows, values)

@@ -48,6 +48,7 @@ from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.receiver_tables import is_on_earth, receivers_of, start_unix_s
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
+from h2nav.recordings.text_tables import said_of
 from h2nav.wire.imu import MAX_IMUS, UT_PER_MGAUSS
 from h2nav.wire.position import Place
 
@@ -364,7 +365,7 @@ def _in_use(log: DataflashRows) -> tuple[Span, ...]:
 
 
 def _settings(log: DataflashRows) -> tuple[Setting, ...]:
-    rows = log.occasional("PARM", "Name", "Value")
+    rows = log.find("PARM", "Name", "Value")
     if rows is None:
         return ()
     values = rows.table.numbers("Value")
@@ -379,17 +380,13 @@ def _first_values(settings: tuple[Setting, ...]) -> dict[str, float]:
 
 def _said(log: DataflashRows) -> tuple[Said, ...]:
     """Texts and errors; the log has no severities."""
-    said = []
-    rows = log.occasional("MSG", "Message")
-    if rows is not None:
-        pairs = zip(rows.t_s.tolist(), rows.table.texts("Message"), strict=True)
-        said = [Said(t_s, Severity.INFO, text) for t_s, text in pairs if text]
-    return tuple(sorted(said + _errors(log, said), key=lambda one: one.t_s))
+    said = said_of(log)
+    return tuple(sorted((*said, *_errors(log, said)), key=lambda one: one.t_s))
 
 
-def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
+def _errors(log: DataflashRows, said: tuple[Said, ...]) -> list[Said]:
     """Errors reported by ERR as numbers, unless the autopilot also reported them in words."""
-    rows = log.occasional("ERR", "Subsys", "ECode")
+    rows = log.find("ERR", "Subsys", "ECode")
     if rows is None:
         return []
     table = rows.table
@@ -406,7 +403,7 @@ def _errors(log: DataflashRows, said: list[Said]) -> list[Said]:
 
 def _firmware(log: DataflashRows, said: tuple[Said, ...]) -> str:
     """Such as ``ArduCopter V4.0.4 (93ffdf4b)``."""
-    rows = log.occasional("VER", "FWS")
+    rows = log.find("VER", "FWS")
     if rows is not None:
         return rows.table.texts("FWS")[0]
     names = tuple(name for kind in KINDS for name in kind.names)
@@ -432,7 +429,7 @@ def _vehicle_type(kind: VehicleKind, parameters: dict[str, float]) -> int:
 
 
 def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
-    rows = log.occasional("MODE", "Mode")
+    rows = log.find("MODE", "Mode")
     if rows is None:
         return ()
     if rows.table.kind("Mode") == "S":
@@ -446,7 +443,7 @@ def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
 def _armed(log: DataflashRows) -> tuple[Span, ...] | None:
     """While it was armed; None if unknown."""
     changes: list[tuple[float, bool]] = []
-    rows = log.occasional("ARM", "ArmState")
+    rows = log.find("ARM", "ArmState")
     if rows is not None:
         states = rows.table.integers("ArmState") != 0
         changes = list(zip(rows.t_s.tolist(), states.tolist(), strict=True))
@@ -474,7 +471,7 @@ def _changes(log: DataflashRows, begins: int, ends: int) -> list[tuple[float, bo
     """When something began (True) and ended (False), by the log's events."""
     found = []
     for number, is_begin in ((begins, True), (ends, False)):
-        rows = log.occasional("EV", "Id", begins=is_begin)
+        rows = (log.beginnings if is_begin else log.find)("EV", "Id")
         if rows is not None:
             are_so = rows.table.integers("Id") == number
             found += [(t_s, is_begin) for t_s in rows.t_s[are_so].tolist()]

@@ -58,7 +58,7 @@ def compasses(log: DataflashRows, parameters: Mapping[str, float]) -> tuple[Comp
 
 def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:
     """ERR, all subsystems."""
-    rows = log.occasional("ERR", "Subsys", "ECode")
+    rows = log.find("ERR", "Subsys", "ECode")
     if rows is None:
         return ()
     subsystems = rows.table.integers("Subsys").tolist()
@@ -72,7 +72,7 @@ def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:
 
 def occurrences(log: DataflashRows) -> tuple[Occurrence, ...]:
     """EV, without unnamed events."""
-    rows = log.occasional("EV", "Id")
+    rows = log.find("EV", "Id")
     if rows is None:
         return ()
     pairs = zip(rows.t_s.tolist(), rows.table.integers("Id").tolist(), strict=True)

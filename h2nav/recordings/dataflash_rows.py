@@ -23,6 +23,8 @@ SUBSTITUTES = (
     ("PM", "LTime", 1_000, True),
     ("PM", "NLoop", 10_000, True),
 )
+# They come now and then, and until 2015 had no time.
+OCCASIONAL = frozenset({"ARM", "ERR", "EV", "MODE", "MSG", "PARM", "VER"})
 MAX_INTERVAL, MAX_TIME = 1_000_000, 1 << 32
 
 
@@ -68,28 +70,28 @@ class DataflashRows(Log):
     def find(self, name: str, *columns: str) -> Rows | None:
         """All rows of a message; None if there are none with these columns.
 
-        Rows without a time get that of their place in the file.
+        Rows without a time get that of their place in the file; those of `OCCASIONAL` that of the
+        row before them.
         """
         table = self.tables.find(name, *columns)
         return None if table is None else self.kept(name, table, self._times_or_places)
 
     def _times_or_places(self, table: Table) -> Times:
         times = self.times_of(table)
-        return self.clock.between(table.places) if times is None else times
+        if times is not None:
+            return times
+        return (self.clock.at if table.name in OCCASIONAL else self.clock.between)(table.places)
 
-    def occasional(self, name: str, *columns: str, begins: bool = False) -> Rows | None:
-        """Like `find`, for occasional messages, which until 2015 had no time.
+    def beginnings(self, name: str, *columns: str) -> Rows | None:
+        """Like `find`, for rows of `OCCASIONAL` that begin something.
 
-        Rows without one get the time of the row before them in the file; if they `begins`
-        something, of the row after them, because the autopilot may have logged nothing until then.
+        Rows without a time get that of the row after them in the file, because the autopilot may
+        have logged nothing until then.
         """
         table = self.tables.find(name, *columns)
-        if table is None:
-            return None
-        if _time_column(table)[0]:
-            return self.find(name)
-        times = (self.clock.after if begins else self.clock.at)(table.places)
-        return self.believed(name, table, times)
+        if table is None or self.times_of(table) is not None:
+            return self.find(name, *columns)
+        return self.believed(name, table, self.clock.after(table.places))
 
     def instances(self, name: str, *columns: str) -> Iterator[Rows]:
         """Yields one per instance: of one message with numbers, or of messages with a number."""

@@ -94,8 +94,11 @@ class Table:
 
     def texts(self, column: str) -> list[str]:
         """(N,) of a column of characters, up to the first zero; replaces invalid UTF-8."""
-        stored = self._stored(column).tolist()
-        return [bytes(v).split(b"\0", 1)[0].decode("utf-8", "replace") for v in stored]
+        return [word.decode("utf-8", "replace") for word in self.words(column)]
+
+    def words(self, column: str) -> list[bytes]:
+        """(N,) of a column of characters, up to the first zero."""
+        return [bytes(v).split(b"\0", 1)[0] for v in self._stored(column).tolist()]
 
     def _numbers(self, column: str) -> Array:
         with np.errstate(invalid="ignore"):  # damage may hold any kind of NaN

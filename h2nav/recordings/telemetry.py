@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.integrity.findings import Severity
 from h2nav.recordings import telemetry_controls as controls
 from h2nav.recordings.airframe_identity import ardupilot_board, autopilot_uid
 from h2nav.recordings.attitude_tables import ATTITUDES, attitudes_of, truth_of
@@ -34,6 +33,7 @@ from h2nav.recordings.lost_frames import LostFrames, missing_share
 from h2nav.recordings.receiver_tables import RECEIVERS, receivers_of, start_unix_s
 from h2nav.recordings.spans import silences, spans
 from h2nav.recordings.telemetry_rows import TelemetryRows, message_ids
+from h2nav.recordings.text_tables import TEXTS, said_of
 from h2nav.service.imu_choice import preference
 from h2nav.wire.frame_scan import FrameScan
 from h2nav.wire.imu import (
@@ -54,10 +54,9 @@ MESSAGE_IDS = frozenset(
     {
         *(row.message_id for row in IMU_MESSAGES.values() if row.read is not None),
         HEARTBEAT,
-        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES, *RECEIVERS))),
+        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES, *RECEIVERS, TEXTS))),
         *controls.MESSAGE_IDS,
     }
 )
@@ -120,7 +119,7 @@ def context_of(
     rows = TelemetryRows(own, start_ns)
     recorded_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else None
     gps = receivers_of(rows).tracks
-    said = _said(clock)
+    said = said_of(rows)
     board, uid = ardupilot_board(one.text for one in said)
     context = Context(
         uid=uid or autopilot_uid(clock[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION], kind[0]),
@@ -313,27 +312,6 @@ def _armed(clock: _Clock, duration_s: float) -> tuple[Span, ...]:
     armed = (beats.fields["base_mode"] & mavlink.MAV_MODE_FLAG_SAFETY_ARMED) != 0
     names = ("armed" if is_armed else "" for is_armed in armed.tolist())
     return spans(clock.t_s(beats).tolist(), names, duration_s)
-
-
-def _said(clock: _Clock) -> tuple[Said, ...]:
-    """Whole texts: MAVLink 2 splits long ones into chunks of one id; duplicates count once."""
-    table = clock[mavlink.MAVLINK_MSG_ID_STATUSTEXT]
-    if table is None:
-        return ()
-    found: list[tuple[float, Severity, bytes]] = []
-    last_id = 0
-    for t_s, row in zip(clock.t_s(table).tolist(), table.fields, strict=True):
-        text = bytes(row["text"]).split(b"\0", 1)[0]
-        number, piece = int(row["id"]), int(row["chunk_seq"])
-        if number and number == last_id and piece and found:
-            began_s, level, before = found[-1]
-            found[-1] = began_s, level, before + text
-        else:
-            level = Severity(min(max(int(row["severity"]), Severity.CRITICAL), Severity.INFO))
-            found.append((t_s, level, text))
-        last_id = number
-    # Chunks of 50 bytes may have split a character.
-    return tuple(Said(t_s, level, text.decode(errors="replace")) for t_s, level, text in found)
 
 
 def _firmware(said: Iterable[Said]) -> str:

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.integrity.findings import Severity
 from h2nav.recordings import imu_series
 from h2nav.recordings import ulog_controls as controls
 from h2nav.recordings.attitude_tables import attitudes_of, truth_of
@@ -31,7 +30,6 @@ from h2nav.recordings.context import (
     Burst,
     CompassTrack,
     Context,
-    Said,
     Span,
 )
 from h2nav.recordings.context_fields import table_fields
@@ -39,6 +37,7 @@ from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import FIX_AGE_US, MAX_INSTANCES, Rows
 from h2nav.recordings.receiver_tables import receivers_of, start_unix_s
+from h2nav.recordings.text_tables import said_of
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
 from h2nav.wire.imu import MAX_IMUS, UT_PER_GAUSS
@@ -77,16 +76,6 @@ VEHICLE_TYPES = {
     3: mavlink.MAV_TYPE_GROUND_ROVER,
     4: mavlink.MAV_TYPE_AIRSHIP,
 }
-SEVERITIES = (
-    Severity.CRITICAL,
-    Severity.CRITICAL,
-    Severity.CRITICAL,
-    Severity.ERROR,
-    Severity.WARNING,
-    Severity.NOTICE,
-    Severity.INFO,
-    Severity.INFO,
-)
 # The estimator selected by SYS_MC_EST_GROUP, while there was a choice.
 EKF2_GROUP = 2.0
 
@@ -129,7 +118,7 @@ def recorded(file: ULogFile) -> Recorded:
         gps=receivers.tracks,
         modes=_modes(log),
         primary=_primary(log),
-        said=_said(log),
+        said=said_of(log),
         vehicle_type=vehicle_type,
         compass_rows=controls.compasses(log, parameters),
         faults=controls.faults(log),
@@ -406,15 +395,3 @@ def _armed(log: ULogRows) -> tuple[Span, ...] | None:
         armed = rows.table.integers("armed") != 0
     names = ("armed" if is_armed else "" for is_armed in armed.tolist())
     return log.spans(rows, names)
-
-
-def _said(log: ULogRows) -> tuple[Said, ...]:
-    clock = log.clock
-    texts = sorted(
-        (min(max(said.t_us, clock.start_us), clock.end_us), number, said)
-        for number, said in enumerate(log.file.texts)
-    )
-    return tuple(
-        Said((t_us - clock.start_us) * 1e-6, SEVERITIES[said.level], said.text)
-        for t_us, _, said in texts
-    )

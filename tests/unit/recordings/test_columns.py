@@ -350,6 +350,26 @@ def test_of_two_receivers_the_first_that_knows_it_tells_the_date(tmp_path: Path)
         assert unix_s == pytest.approx(315_964_800 + 2_300 * 604_800 + 100_000 - 18)
 
 
+def test_texts_are_the_same_in_every_format(tmp_path: Path):
+    """Up to their first zero; one that is empty then says nothing. Dataflash has no severities."""
+    said = (("PreArm: \u00e4", 4), ("debug", 7), ("\0left", 2), ("cut\0left", 0))
+    words = np.array([text.encode() for text, _ in said])
+    writer, px4 = DataflashWriter(), ULogWriter()
+    writer.add("MSG", "QZ", "TimeUS,Message", TIMES[:4], words)
+    px4.add("cpuload", "float load", TIMES, 0.5)
+    for place in (3, 0, 1, 2):
+        px4.text(int(TIMES[place]), *said[place][::-1])
+    wired = [mavlink.MAVLink_statustext_message(level, text.encode()) for text, level in said]
+    for context, severities in (
+        (dataflash(tmp_path, writer), [6, 6, 6]),
+        (ulog(tmp_path, px4), [4, 6, 2]),
+        (telemetry(tmp_path, *wired), [4, 6, 2]),
+    ):
+        assert [one.text for one in context.said] == ["PreArm: \u00e4", "debug", "cut"]
+        assert [one.severity for one in context.said] == severities
+    assert [one.t_s for one in ulog(tmp_path, px4).said] == pytest.approx([0.0, 0.1, 0.3])
+
+
 # --- old logs in which only the GPS, or nothing, has a time ---------------------------------------
 
 
