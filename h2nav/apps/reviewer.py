@@ -38,6 +38,9 @@ MAX_PAGE_BYTES = 1 << 29
 # After the limit of processor time, and of memory, for the words of the error.
 LAST_WORDS_S = 10
 LAST_WORDS_BYTES = 16 * MIB
+# A review that waits, for a disk or for a processor that others keep busy, makes room for the next
+# attempt after this many times its limit of processor time.
+WAITS = 8
 # An error beside which less memory than this was left is not blamed on the code that it was in:
 # the interpreter asks for memory in pieces of this size.
 SHORT_BYTES = MIB
@@ -98,13 +101,20 @@ def _bound(job: ReviewJob) -> None:
     if job.is_idle:
         run_when_idle()
     signal.signal(signal.SIGXCPU, _took_too_long)
+    signal.signal(signal.SIGALRM, _waited_too_long)
     limit_s = job.minutes * 60
+    signal.setitimer(signal.ITIMER_REAL, WAITS * limit_s)
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + LAST_WORDS_S))
 
 
 def _took_too_long(_number: int, _frame: FrameType | None) -> None:
     raise TaskFailed("takes more processor time than flights.review_minutes")
+
+
+def _waited_too_long(_number: int, _frame: FrameType | None) -> None:
+    # No fault of the recording: it is tried again.
+    raise TimeoutError(errno.ETIMEDOUT, f"waited for {WAITS} times flights.review_minutes")
 
 
 @contextlib.contextmanager

@@ -102,6 +102,17 @@ def words(error: Exception, *, is_short: bool) -> str:
     return reviewer._in_words(error, Path("a.bin"), job_of(Path(), 200), is_short)
 
 
+def test_one_that_only_waits_is_ended_and_tried_again(flight):
+    job = orjson.dumps(job_of(flight)._asdict()).decode()
+    waits = "reviewer._written = lambda *_: signal.pause()"
+    code = f"import signal; from h2nav.apps import reviewer; reviewer.WAITS = 1e-3; {waits}"
+    program = [sys.executable, "-c", f"{code}; raise SystemExit(reviewer.main())", job]
+    done = subprocess.run(program, check=False, capture_output=True, timeout=WAIT_S)
+    assert done.returncode == 1
+    assert b"times flights.review_minutes" in done.stdout.splitlines()[-1]
+    assert reviewed(flight).name == "flight.tlog"
+
+
 def test_an_error_is_blamed_on_the_review_only_while_there_is_memory():
     error = SystemError("error return without exception set")
     assert words(error, is_short=False).startswith("fault of the review: SystemError")
