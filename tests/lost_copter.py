@@ -148,6 +148,7 @@ class Copter:
         self.past: list[tuple[Array, Array]] = []
         # faults
         self.effective = np.ones(self.motors)
+        self.runs_away = np.zeros(self.motors, bool)  # full thrust, whatever it is asked
         self.wind = np.zeros(3)
         self.compass_turn_rad, self.iron_ut = 0.0, np.zeros(3)
         self.gps_offset, self.gps_fix = np.zeros(3), True
@@ -512,6 +513,7 @@ class Copter:
         share = (1.0 - e) * actuator + e * actuator**2
         share = share * (self.voltage_v / 12.3) ** 2 * self.effective
         share[self.output < 0.05] = 0.0
+        share[self.runs_away] = (self.voltage_v / 12.3) ** 2
         self.given = self.given + (share - self.given) * (STEP_S / self.motor_s)
         thrust = self.given * MASS_KG * GRAVITY_M_S2 / HOVER_SHARE / self.motors
         self.amps = 0.4 + HOVER_A * float(((self.given / HOVER_SHARE) ** 1.2).mean())

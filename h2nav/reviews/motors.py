@@ -41,6 +41,10 @@ TOGETHER_SHARE = 0.85
 # against its demand.
 ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
 ALONE_S = 0.3
+# A motor that runs away is braked alone, for this long, to less than half of its usual output, well
+# below the others; the force is above the usual, and above what the outputs together ask for: its
+# thrust goes with the square of the speed.
+BRAKED_S, BRAKED_SHARE, BELOW_OTHERS, LIFTED, BEYOND_ASKED = 0.5, 0.5, 0.2, 1.2, 1.15
 # What strikes a vehicle pushes it sideways by its weight; motors and drag do by half of it.
 FALLEN_G, STRUCK_G = 0.85, 1.0
 # A weak motor is at its limit alone, the next one below this, for this long; the vehicle sinks.
@@ -281,7 +285,8 @@ def _failed(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Fin
         for change in context.changes
         if (finding := _switched_off(change, outputs)) is not None
     ]
-    found = found or _in_vain(outputs, motors) or _weak(outputs, motors, context)
+    found = found or _in_vain(outputs, motors) or _runs_away(outputs, motors)
+    found = found or _weak(outputs, motors, context)
     return found or _reported(context, outputs, motors)
 
 
@@ -310,8 +315,10 @@ def _motor_of(function: int) -> int:
 def _reported(context: Context, outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     """ArduPilot's check for a motor at full thrust while the vehicle sinks.
 
-    It names the first motor at its limit, whatever the reason; so that one has to be there alone.
+    It names the first motor at its limit, whatever the reason; so that one has to be there alone,
+    and the vehicle must not climb.
     """
+    sources = climbs(context)
     for said in context.said:
         known = THRUST_LOSS.search(said.text)
         if not known or int(known[1]) not in motors.numbers:
@@ -319,7 +326,8 @@ def _reported(context: Context, outputs: MotorOutputs, motors: Motors) -> list[F
         number = int(known[1])
         near = np.abs(outputs.bins.t_s - said.t_s) < BEFORE_S
         near &= outputs.flies & _alone(outputs.share, motors.numbers.index(number))
-        if near.any():
+        sunk = _descents(sources, said.t_s - BEFORE_S, said.t_s + BEFORE_S)
+        if near.any() and max(sunk, default=np.inf) > 0.0:
             text = f"motor {number} lost its thrust"
             return [_failure(number, said.t_s, said.t_s, text, f"the autopilot said {said.text!r}")]
     return []
@@ -367,10 +375,19 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
 
 def _sinks(sources: tuple[Climb, ...], from_s: float, to_s: float) -> float:
     """The least descent by any source, two at the least, m/s; an estimate alone may be wrong."""
-    near = (sources[0].t_s >= from_s) & (sources[0].t_s <= to_s)
-    known = [one.climb_m_s[near][np.isfinite(one.climb_m_s[near])] for one in sources]
-    sunk = [-float(np.median(values)) for values in known if len(values)]
+    sunk = _descents(sources, from_s, to_s)
     return min(sunk) if len(sunk) >= 2 else 0.0
+
+
+def _descents(sources: tuple[Climb, ...], from_s: float, to_s: float) -> list[float]:
+    """The descent by each source that knows it then, m/s."""
+    found = []
+    for one in sources:
+        climb_m_s = one.climb_m_s[(one.t_s >= from_s) & (one.t_s <= to_s)]
+        known = climb_m_s[np.isfinite(climb_m_s)]
+        if len(known):
+            found.append(-float(np.median(known)))
+    return found
 
 
 def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
@@ -417,6 +434,53 @@ def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
             )
             break
     return sorted(found, key=lambda one: one.from_s)[:1]
+
+
+def _runs_away(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
+    """One motor gives its thrust whatever it is asked: the first one.
+
+    The outputs are those of a motor that gives none: it is braked, and the one across drives. But
+    the force rises instead.
+    """
+    found = [
+        finding
+        for motor, number in enumerate(motors.numbers)
+        if (finding := _run_away(outputs, motor, number)) is not None
+    ]
+    return sorted(found, key=lambda one: one.from_s)[:1]
+
+
+def _run_away(outputs: MotorOutputs, motor: int, number: int) -> Finding | None:
+    bins, share, flies = outputs.bins, outputs.share, outputs.flies
+    force, rate = np.linalg.norm(bins.f_b, axis=1), np.linalg.norm(bins.w_b, axis=1)
+    asked = (share**2).mean(axis=1)
+    window = round(FAILING_S / BIN_S)
+    others = np.delete(share, motor, axis=1).min(axis=1, initial=1.0)
+    times = runs((share[:, motor] < others - BELOW_OTHERS) & flies)
+    for first, last in times:
+        before = np.flatnonzero(flies[: max(first - window, 0)])
+        if bins.t_s[last] - bins.t_s[first] + BIN_S < BRAKED_S or len(before) < MIN_BINS // 2:
+            continue
+        quiet, onset = before[-2 * window :], slice(first - window, first + 1)
+        usual = float(np.median(share[before, motor]))
+        lifted = float(np.median(force[first : last + 1]) / np.median(force[before]))
+        wanted = float(np.median(asked[first : last + 1]) / np.median(asked[before]))
+        if (
+            np.median(share[first : last + 1, motor]) > BRAKED_SHARE * usual
+            or not np.median(rate[quiet]) < FAILED_RAD_S < rate[onset].max()
+            or lifted < max(LIFTED, BEYOND_ASKED * wanted)
+        ):
+            continue
+        return _failure(
+            number,
+            float(bins.t_s[onset][np.argmax(rate[onset] > FAILED_RAD_S)]),
+            float(bins.t_s[times[-1][1]]),
+            f"motor {number} gave more thrust than it was asked for",
+            f"braked alone to {share[first : last + 1, motor].min():.0%} of its range; the vehicle "
+            f"turned at {rate[first : last + 1].max() / DEG:.0f} deg/s, and the force rose to "
+            f"{lifted:.1f} times the usual, where the outputs ask for {wanted:.1f}",
+        )
+    return None
 
 
 def _again(count: int) -> str:

@@ -25,7 +25,7 @@ KINDS = (
             (SensorKind.MOTOR,),
             Severity.CRITICAL,
             "us",
-            "A motor gave no thrust although thrust was demanded.",
+            "A motor gave no thrust although thrust was demanded, or full thrust unasked.",
             words.MOTOR,
         ),
         # A propeller that struck something.
@@ -34,9 +34,13 @@ KINDS = (
         shown_by=(
             "an output that is reassigned in flight; ArduPilot's thrust loss check; one motor at "
             "full demand, the others low, while the vehicle turns and the force falls, without a "
-            "blow from the side"
+            "blow from the side; one motor braked alone while the vehicle turns and the force "
+            "rises above what the outputs ask for"
         ),
-        limit="98.5 % against 50 % for 0.3 s, 60 deg/s, 0.85 g",
+        limit=(
+            "98.5 % against 50 % for 0.3 s, 60 deg/s, 0.85 g; braked to half of its usual output "
+            "for 0.5 s, 60 deg/s, 1.2 times the usual force and 1.15 times what is asked"
+        ),
     ),
     Declared(
         Kind.MOTOR_IMBALANCE,

@@ -69,6 +69,12 @@ def propeller_slips(copter: Copter, t_s: float) -> None:
         copter.effective[1] = 0.0 if (t_s - AT_S) % 3.0 < 0.5 + 0.12 * (t_s - AT_S) else 1.0
 
 
+def motor_runs_away(copter: Copter, t_s: float) -> None:
+    """Motor 1 gives full thrust, whatever its ESC is told: the one across drives against it."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.runs_away[0] = True
+
+
 def battery_empties(copter: Copter, t_s: float) -> None:
     """Without a failsafe, until the motors lack thrust."""
     copter.sag_ohm = 0.03
@@ -155,6 +161,7 @@ LOST = (
     (outputs_off, 30.0, STOPPED + r"\(all outputs .*\) at 17 s, then it crashed at [12]\d s"),
     (compasses_turn, 50.0, r"Compasses 1 and 2 changed together at 17 s, .*then it crashed"),
     (barometer_drifts, 62.0, r"No crash\. The barometer drifted by \+1\d m from [12]\d s on"),
+    (motor_runs_away, 30.0, r"Motor 1 gave more thrust than it was asked for\. The log ends in"),
     (thrust_flutters, 30.0, r"Roll oscillated at 2\.0 Hz by \d+ deg/s\."),
 )
 
