@@ -75,6 +75,12 @@ def motor_runs_away(copter: Copter, t_s: float) -> None:
         copter.runs_away[0] = True
 
 
+def storm_rises(copter: Copter, t_s: float) -> None:
+    """More wind than 30 deg of lean hold."""
+    copter.wind = np.array((min(max(3.0 * (t_s - AT_S), 0.0), 30.0), 0.0, 0.0))
+    prepared(copter, t_s, HIGH_M)
+
+
 def battery_empties(copter: Copter, t_s: float) -> None:
     """Without a failsafe, until the motors lack thrust."""
     copter.sag_ohm = 0.03
@@ -162,6 +168,7 @@ LOST = (
     (compasses_turn, 50.0, r"Compasses 1 and 2 changed together at 17 s, .*then it crashed"),
     (barometer_drifts, 62.0, r"No crash\. The barometer drifted by \+1\d m from [12]\d s on"),
     (motor_runs_away, 30.0, r"Motor 1 gave more thrust than it was asked for\. The log ends in"),
+    (storm_rises, 50.0, r"Carried off by the wind, although it leaned all the way\."),
     (thrust_flutters, 30.0, r"Roll oscillated at 2\.0 Hz by \d+ deg/s\."),
 )
 
