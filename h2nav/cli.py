@@ -4,6 +4,7 @@ import argparse
 import gc
 import importlib
 import io
+import os
 import platform
 import shutil
 import sys
@@ -18,8 +19,12 @@ SUCCESS, FAILED, BAD_INPUT = 0, 1, 2
 # As a shell reports programs that these signals end: 128 + SIGINT, 128 + SIGPIPE.
 INTERRUPTED, READER_GONE = 130, 141
 
-# The collector of cycles looks at new objects when there are so many, 700 by default.
-NEW_OBJECTS = 50_000
+# The collector of cycles looks at new objects when there are so many, 700 by default: more than
+# two blocks of a recording become.
+NEW_OBJECTS = 500_000
+# Our matrices are small: further threads of linear algebra wait for each other and cost a review a
+# quarter more, in processor time and by the clock.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 LISTING_WIDTH = 20
 # A command and the typed words further apart than this are unrelated.
@@ -237,6 +242,8 @@ def _run(words: list[str]) -> int:
     # Nearly all of our objects live until the end or die at once, without cycles: at its usual
     # pace the collector takes a tenth of a replay and a fifth of a start, and finds nothing.
     gc.set_threshold(NEW_OBJECTS)
+    for name in THREADS:  # read when numpy is loaded
+        os.environ.setdefault(name, "1")
     _refuse_unknown(words)
     args = _parser(words).parse_args(words)
     module = importlib.import_module(f"h2nav.apps.{COMMANDS[args.command].module}")

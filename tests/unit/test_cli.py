@@ -9,7 +9,7 @@ import pytest
 from daemon_process import H2NAV, WAIT_S, daemon
 
 from h2nav import __version__
-from h2nav.cli import BAD_INPUT, COMMANDS, GROUPS, main
+from h2nav.cli import BAD_INPUT, COMMANDS, GROUPS, THREADS, main
 
 
 def said(capsys, *words):
@@ -106,6 +106,16 @@ def test_shipped_configurations_can_be_printed_and_are_fine(tmp_path, capsys):
         path.write_text(capsys.readouterr().out)
         assert main(["check-config", str(path)]) == 0
         assert capsys.readouterr().out == f"{path}: fine\n"
+
+
+@pytest.mark.parametrize(("chosen", "used"), [(None, "1"), ("3", "3")])
+def test_linear_algebra_takes_one_thread_unless_told_otherwise(chosen, used, monkeypatch, capsys):
+    for name in THREADS:
+        monkeypatch.setenv(name, chosen or "")
+        if chosen is None:
+            monkeypatch.delenv(name)
+    assert main(["check-config", "--example", "sitl"]) == 0
+    assert [os.environ[name] for name in THREADS] == [used, used]
 
 
 def test_a_reader_that_has_gone_is_no_traceback(tmp_path):
