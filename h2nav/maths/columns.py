@@ -12,7 +12,7 @@ from itertools import repeat
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.maths.quaternion import SMALL_ANGLE
+from h2nav.maths.quaternion import GIMBAL_POLE, SMALL_ANGLE, to_matrix
 
 Array = npt.NDArray[np.float64]
 Vectors = tuple[Array, Array, Array]
@@ -62,3 +62,27 @@ def normalize(q: Quats) -> Quats:
     if not ((length > 0.0) & (length < math.inf)).all():
         raise ValueError("a quaternion has no direction")
     return w / length, x / length, y / length, z / length
+
+
+def from_euler(roll: Array, pitch: Array, yaw: Array) -> Quats:
+    """See `quaternion.from_euler`."""
+    (cr, sr), (cp, sp), (cy, sy) = (
+        (each(math.cos, 0.5 * angle), each(math.sin, 0.5 * angle)) for angle in (roll, pitch, yaw)
+    )
+    return (
+        cy * cp * cr + sy * sp * sr,
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+    )
+
+
+def to_euler(q: Quats) -> Vectors:
+    """See `quaternion.to_euler`."""
+    (nose_n, right_n, _), (nose_e, right_e, _), (nose_d, right_d, down_d) = to_matrix(q)
+    horizontal = each(math.hypot, nose_n, nose_e)
+    is_pole = horizontal < GIMBAL_POLE
+    roll = np.where(is_pole, 0.0, each(math.atan2, right_d, down_d))
+    north = np.where(is_pole, right_e, nose_n)
+    yaw = each(math.atan2, np.where(is_pole, -right_n, nose_e), north)
+    return roll, each(math.atan2, -nose_d, horizontal), yaw

@@ -22,7 +22,7 @@ IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 # Below this half angle sin(x)/x is 1 - x^2/6 to the last bit, and x*x cannot underflow usefully.
 SMALL_ANGLE = 1e-4
 # Horizontal part of the nose below which a heading is rounding error.
-_GIMBAL_POLE = 1e-12
+GIMBAL_POLE = 1e-12
 
 
 def multiply(
@@ -167,7 +167,11 @@ def tilt_and_heading(turn_n: Quat) -> tuple[float, float]:
     return 2.0 * math.atan2(math.hypot(x, y), math.hypot(w, z)), 2.0 * math.atan2(z, w)
 
 
-def to_matrix(q: Quat) -> Matrix3:
+def to_matrix(
+    q: tuple[Number, Number, Number, Number],
+) -> tuple[
+    tuple[Number, Number, Number], tuple[Number, Number, Number], tuple[Number, Number, Number]
+]:
     """Rows of the rotation matrix, ``R_nb`` for ``q_nb``. Source: docs/derivation.md Eq. (1.3)."""
     w, x, y, z = q
     return (
@@ -219,6 +223,6 @@ def to_euler(q: Quat) -> Vec3:
     (nose_n, right_n, _), (nose_e, right_e, _), (nose_d, right_d, down_d) = to_matrix(q)
     horizontal = math.hypot(nose_n, nose_e)
     pitch = math.atan2(-nose_d, horizontal)
-    if horizontal < _GIMBAL_POLE:
+    if horizontal < GIMBAL_POLE:
         return (0.0, pitch, math.atan2(-right_n, right_e))
     return (math.atan2(right_d, down_d), pitch, math.atan2(nose_e, nose_n))

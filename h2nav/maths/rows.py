@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.maths import frames, quaternion
+from h2nav.maths import columns, frames
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.floating[Any]]
@@ -29,12 +29,14 @@ def product(p: Floats, q: Floats) -> Array:
 
 def from_euler(angles: Array) -> Array:
     """(N, 4) q_nb of (N, 3) roll, pitch, yaw, rad."""
-    return np.array([quaternion.from_euler(*row) for row in angles.tolist()]).reshape(-1, 4)
+    roll, pitch, yaw = angles.T
+    return np.stack(columns.from_euler(roll, pitch, yaw), axis=1)
 
 
 def to_euler(q_nb: Array) -> Array:
     """(N, 3) roll, pitch, yaw, rad, of (N, 4) attitudes."""
-    return np.array([quaternion.to_euler(tuple(q)) for q in q_nb.tolist()]).reshape(-1, 3)
+    w, x, y, z = q_nb.T
+    return np.stack(columns.to_euler((w, x, y, z)), axis=1)
 
 
 def enu_from_ned(q_ns: npt.ArrayLike) -> Array:

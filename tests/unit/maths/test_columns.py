@@ -37,6 +37,15 @@ def test_products_and_length() -> None:
         columns.normalize(tuple(np.zeros((4, 1))))
 
 
+def test_euler_angles() -> None:
+    angles = [*TURNS, (0.3, 0.5 * math.pi, 1.0), (-1.0, -0.5 * math.pi, 0.2)]
+    found = np.stack(columns.from_euler(*np.array(angles).T), axis=1)
+    quats = [quaternion.from_euler(*each) for each in angles]
+    assert [tuple(q) for q in found.tolist()] == quats
+    back = np.stack(columns.to_euler(tuple(found.T)), axis=1)
+    assert [tuple(each) for each in back.tolist()] == [quaternion.to_euler(q) for q in quats]
+
+
 def test_the_larger_is_chosen_as_in_python() -> None:
     nan = math.nan
     found = columns.larger(np.array([1.0, nan, 1.0, 0.0]), np.array([2.0, 1.0, nan, -0.0]))
