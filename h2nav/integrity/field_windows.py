@@ -67,6 +67,8 @@ class FieldWindows:
         self.reference: EarthField | None = None  # the earth's field; None if unknown
         self._offset_rad = 0.0  # by which the compass's own offset may turn the field
         self._rows: deque[FieldRow] = deque(maxlen=ROWS)
+        # of a row against a reference: whether it is plausible, which is asked for at every look
+        self._fits: tuple[FieldRow, EarthField, bool] | None = None
 
     def use_field(self, field: EarthField | None) -> None:
         """Takes the earth's field."""
@@ -120,10 +122,14 @@ class FieldWindows:
     @property
     def is_plausible(self) -> bool:
         """Whether dip and norm of the latest row are the earth's, so that its heading counts."""
-        if self.reference is None or not self._rows:
+        reference = self.reference
+        if reference is None or not self._rows:
             return False
-        _, along, norm = self._parts(self._rows[-1])
-        return max(along, norm) < 1.0
+        row, fits = self._rows[-1], self._fits
+        if fits is None or fits[0] is not row or fits[1] is not reference:
+            _, along, norm = self._parts(row)
+            fits = self._fits = row, reference, max(along, norm) < 1.0
+        return fits[2]
 
     @property
     def norm_share(self) -> float:

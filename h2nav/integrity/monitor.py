@@ -770,7 +770,9 @@ class Monitor:
 
     def _renew_ratios(self, t_us: int) -> None:
         """Drops what is stale; without velocities the force is tested."""
-        ratios, nothing = self.ratios._replace(force_10s=math.nan), math.nan
+        ratios, nothing = self.ratios, math.nan
+        if not math.isnan(ratios.force_10s):
+            ratios = ratios._replace(force_10s=nothing)
         if self._velocity.is_stale(t_us):
             self._windows = []
             self._forget_cause()

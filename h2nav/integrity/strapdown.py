@@ -68,6 +68,8 @@ class Strapdown:
         self._read = reader(watch.memory, Memory, _REMEMBERED)
         self._estimate: AttitudeEstimate | None = None
         self._past: list[_Kept] = []
+        # the latest answer of `at` since the latest sample: a fix asks for its moment twice
+        self._answer: tuple[int, Moment | None] | None = None
         # time of the latest sample; None before the first, and after a gap
         self.t_us: int | None = None
 
@@ -91,6 +93,7 @@ class Strapdown:
         """Restarts: nothing earlier may be compared with what follows."""
         self.t_us = None
         self._past.clear()
+        self._answer = None
         self._watch.interrupt()
 
     def add(self, t_us: int, estimate: AttitudeEstimate) -> int:
@@ -99,7 +102,7 @@ class Strapdown:
         Returns:
             The bits of `Watch.follow`; with BEGUN everything has restarted.
         """
-        self._estimate, self.t_us = estimate, t_us
+        self._estimate, self.t_us, self._answer = estimate, t_us, None
         bits = self._watch.follow(estimate.w_b)
         if bits & KEPT:
             past = self._past
@@ -112,6 +115,12 @@ class Strapdown:
 
     def at(self, t_us: int) -> Moment | None:
         """The moment at a time, with interpolated integrals; None if it is not stored."""
+        answer = self._answer
+        if answer is None or answer[0] != t_us:
+            answer = self._answer = t_us, self._interpolated(t_us)
+        return answer[1]
+
+    def _interpolated(self, t_us: int) -> Moment | None:
         past = self._past
         # A shorter tuple sorts before all that begin like it.
         index = bisect_left(past, (t_us + 1,))

@@ -200,12 +200,14 @@ class VelocityRows:
     def _scatter(self) -> float:
         if not self._bends:
             return 0.0
-        late_s = 0.0
+        sizes = [one.size for one in self._bends]
         if self._spacing_s > SLOW_S:
             # A delay, which is no scatter, bends a velocity with its acceleration.
-            square = sum(one.late * one.late for one in self._bends)
-            late_s = sum(one.size * one.late for one in self._bends) / max(square, MIN_LATE)
-        bends = [abs(one.size - late_s * one.late) for one in self._bends]
+            lates = [one.late for one in self._bends]
+            square = sum(map(mul, lates, lates))
+            late_s = sum(map(mul, sizes, lates)) / max(square, MIN_LATE)
+            sizes = [size - late_s * late for size, late in zip(sizes, lates, strict=True)]
+        bends = [*map(abs, sizes)]
         # A normal deviation is 1.48 medians; a second difference has six times the variance.
         usual = 1.48 * statistics.median(bends)
         rms = math.sqrt(sum(map(mul, bends, bends)) / len(bends))

@@ -263,13 +263,12 @@ def inertial_variance(
 
 def _predicted(start: Mark, end: Mark) -> Vec3:
     """Change of velocity between two marks, by the attitude and the bias of the first one."""
-    felt = change_of_velocity(start.moment, end.moment)
+    q_ns, (north, east, down) = start.moment.q_ns, change_of_velocity(start.moment, end.moment)
     pairs = zip(start.force_bias_b, start.along_s, end.along_s, strict=True)
-    for bias, before, after in pairs:
-        pushed = [bias * (b - a) for a, b in zip(before, after, strict=True)]
-        by_bias = rotate(start.moment.q_ns, (pushed[0], pushed[1], pushed[2]))
-        felt = (felt[0] - by_bias[0], felt[1] - by_bias[1], felt[2] - by_bias[2])
-    return felt
+    for bias, (a, b, c), (d, e, f) in pairs:
+        x, y, z = rotate(q_ns, (bias * (d - a), bias * (e - b), bias * (f - c)))
+        north, east, down = north - x, east - y, down - z
+    return north, east, down
 
 
 def _along(last: Mark, moment: Moment) -> tuple[Vec3, Vec3]:

@@ -88,10 +88,12 @@ class OwnBias:
 
     def felt(self, sample: ImuSample) -> ImuSample:
         """The sample with the force that the accelerometer should have shown, if it has one."""
-        if sample.f_b == NO_OFFSET:
+        t_us, w_b, f_b, m_b_ut, clipped = sample
+        if f_b == NO_OFFSET:
             return sample
-        (x, y, z), (a, b, c) = sample.f_b, self._force
-        return sample._replace(f_b=(x - a, y - b, z - c))
+        (x, y, z), (a, b, c) = f_b, self._force
+        # `_replace` costs three times as much, for every sample after a rest.
+        return tuple.__new__(ImuSample, (t_us, w_b, (x - a, y - b, z - c), m_b_ut, clipped))
 
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
         """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""

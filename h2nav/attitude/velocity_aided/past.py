@@ -1,15 +1,13 @@
 """Integrals at past times, for fixes that are late."""
 
 import bisect
-import operator
+import math
 from collections import deque
-from collections.abc import Callable
 
 # Interval of two rows of a past.
 SPACING_US = 10_000
 
 Row = tuple[float, ...]
-_time: Callable[[Row], float] = operator.itemgetter(0)
 
 
 def around(past: deque[Row], t_us: float) -> tuple[Row, Row, float]:
@@ -21,7 +19,8 @@ def around(past: deque[Row], t_us: float) -> tuple[Row, Row, float]:
         past: rows of time, us, and integrals until then, the newest last; at least one.
         t_us: the time.
     """
-    place = bisect.bisect_right(past, t_us, key=_time)
+    # A row of this time sorts before one with infinite integrals.
+    place = bisect.bisect_right(past, (t_us, math.inf))
     if place in (0, len(past)):
         row = past[-1] if place else past[0]
         return row, row, 0.0
