@@ -209,5 +209,6 @@ def _record(record: Any, source: Source, rows: Rows, values: Mapping[str, Array]
     """A record: number, times or rows, columns; NaN where the source has no column."""
     number = rows.number + source.first
     fixed = {"rows": rows, "t_s": rows.t_s, "number": number, "imu": number, "kind": source.kind}
+    fixed["message"] = source.message
     unknown = np.full(len(rows.t_s), np.nan)
     return record(*(values.get(name, fixed.get(name, unknown)) for name in record._fields))

@@ -43,7 +43,8 @@ from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.dataflash_errors import said_of_error
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
-from h2nav.recordings.imu_series import Fields, ImuRows, Mask, Samples
+from h2nav.recordings.imu_series import Fields, ImuRows
+from h2nav.recordings.imu_tables import imu_columns
 from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.receiver_tables import is_on_earth, receivers_of, start_unix_s
 from h2nav.recordings.row_tables import LogTables
@@ -202,23 +203,13 @@ def recorded(tables: LogTables) -> Recorded:
 
 
 def _imu_rows(log: DataflashRows) -> Iterator[ImuRows]:
-    axes = ("GyrX", "GyrY", "GyrZ"), ("AccX", "AccY", "AccZ")
-    for rows in log.instances("IMU", *axes[0], *axes[1]):
-        if rows.number < MAX_IMUS:
-            samples = Samples(rows.t_us, *(rows.table.numbers(*names) for names in axes))
-            good = _healthy(log, rows, f"IMU {rows.number + 1}")
-            is_timed = log.times_of(rows.table) is not None
-            yield ImuRows(rows.number, "IMU", samples.only(good), is_timed=is_timed)
-
-
-def _healthy(log: DataflashRows, rows: Rows, name: str) -> Mask:
-    """(N,) whether the autopilot itself reports gyro and accelerometer as healthy."""
-    good = np.ones(len(rows.t_us), np.bool_)
-    for column in ("GH", "AH"):
-        if column in rows.table:
-            good &= rows.table.integers(column) != 0
-    log.note(f"samples of {name} that the autopilot calls unhealthy", int((~good).sum()))
-    return good
+    """Samples that the autopilot itself does not call unhealthy."""
+    for imu in imu_columns(log):
+        good = imu.is_healthy != 0.0
+        reason = f"samples of IMU {imu.number + 1} that the autopilot calls unhealthy"
+        log.note(reason, int((~good).sum()))
+        rows = imu.as_rows(is_timed=log.times_of(imu.rows.table) is not None)
+        yield rows._replace(samples=rows.samples.only(good))
 
 
 def _new_fields(log: DataflashRows) -> Iterator[Rows]:

@@ -28,6 +28,7 @@ from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.field_tables import FIELDS
 from h2nav.recordings.flight_modes import of_vehicle, px4_mode
 from h2nav.recordings.frame_tables import FrameTable, TableMaker
+from h2nav.recordings.imu_tables import IMUS, ImuColumns, imu_columns
 from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.lost_frames import LostFrames, missing_share
 from h2nav.recordings.receiver_tables import RECEIVERS, receivers_of, start_unix_s
@@ -37,26 +38,18 @@ from h2nav.recordings.text_tables import TEXTS, said_of
 from h2nav.service.imu_choice import preference
 from h2nav.wire.frame_scan import FrameScan
 from h2nav.wire.imu import (
-    ABSURD_FIELD_UT,
-    HIGHRES_FIELD_FAULT,
-    HIGHRES_MAG_BITS,
     IMU_MESSAGES,
     MAX_IMUS,
-    MILLI_G,
-    UT_PER_GAUSS,
-    UT_PER_MGAUSS,
 )
 
-HIGHRES_IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 MESSAGE_IDS = frozenset(
     {
-        *(row.message_id for row in IMU_MESSAGES.values() if row.read is not None),
         HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES, *RECEIVERS, TEXTS))),
+        *message_ids(messages_of(Format.TELEMETRY, (*FIELDS, *ATTITUDES, *RECEIVERS, IMUS, TEXTS))),
         *controls.MESSAGE_IDS,
     }
 )
@@ -114,9 +107,9 @@ def context_of(
     clock = _Clock(own, start_ns)
     kind = (0, 0) if beats is None else _usual_kind(beats)
     duration_s = (end_ns - start_ns) * 1e-9
-    imus = _imus(clock, kind[0])
     parameters = _parameters(clock, kind[0])
     rows = TelemetryRows(own, start_ns)
+    imus = _imus(rows, kind[0])
     recorded_s = (start_ns + unix_offset_ns) * 1e-9 if unix_offset_ns else None
     gps = receivers_of(rows).tracks
     said = said_of(rows)
@@ -211,60 +204,22 @@ def _usual_kind(beats: FrameTable) -> tuple[int, int]:
 # --- inertial sensors -------------------------------------------------------------------------
 
 
-def _imus(clock: _Clock, autopilot: int) -> tuple[ImuTrack, ...]:
+def _imus(rows: TelemetryRows, autopilot: int) -> tuple[ImuTrack, ...]:
     """One track per IMU: of the message that the service prefers, unless it hardly comes."""
-    ranked = preference(autopilot, "auto")
-    found = []
+    every = {(one.message, one.number): one for one in imu_columns(rows)}
+    ranked = [IMU_MESSAGES[message_id].name for message_id in preference(autopilot, "auto")]
+    tracks = []
     for imu in range(MAX_IMUS):
-        tracks = [track for i in ranked if (track := _imu_of(clock, i, imu)) is not None]
-        if tracks:
-            most = max(len(track.t_s) for track in tracks)
-            found.append(next(track for track in tracks if 2 * len(track.t_s) >= most))
-    return tuple(found)
+        found = [every[name, imu] for name in ranked if (name, imu) in every]
+        if found:
+            most = max(len(one.w_b) for one in found)
+            tracks.append(_track(next(one for one in found if 2 * len(one.w_b) >= most)))
+    return tuple(tracks)
 
 
-def _imu_of(clock: _Clock, message_id: int, imu: int) -> ImuTrack | None:
-    table = clock[message_id]
-    if table is None:
-        return None
-    row = IMU_MESSAGES[message_id]
-    if message_id == HIGHRES_IMU:
-        table = _where(table, table.fields["id"] == imu)
-        return _highres_track(clock, table, imu) if len(table.t_ns) else None
-    return _integer_track(clock, table, message_id) if row.imu == imu else None
-
-
-def _integer_track(clock: _Clock, table: FrameTable, message_id: int) -> ImuTrack:
-    row = IMU_MESSAGES[message_id]
-    stamp = "time_usec" if row.time_unit_us == 1 else "time_boot_ms"
-    m_b_ut = _columns(table, "xmag", "ymag", "zmag") * UT_PER_MGAUSS
-    m_b_ut[~m_b_ut.any(axis=1)] = np.nan
-    return ImuTrack(
-        row.imu,
-        row.name,
-        clock.t_s(table),
-        table.fields[stamp].astype(np.int64) * row.time_unit_us,
-        _columns(table, "xgyro", "ygyro", "zgyro") * 1e-3,
-        _columns(table, "xacc", "yacc", "zacc") * MILLI_G,
-        m_b_ut,
-    )
-
-
-def _highres_track(clock: _Clock, table: FrameTable, imu: int) -> ImuTrack:
-    m_b_ut = _columns(table, "xmag", "ymag", "zmag") * UT_PER_GAUSS
-    with np.errstate(over="ignore", invalid="ignore"):
-        m_b_ut[np.linalg.norm(m_b_ut, axis=1) > ABSURD_FIELD_UT] /= HIGHRES_FIELD_FAULT
-    is_new = (table.fields["fields_updated"] & HIGHRES_MAG_BITS) != 0
-    m_b_ut[~(is_new & m_b_ut.any(axis=1) & np.isfinite(m_b_ut).all(axis=1))] = np.nan
-    return ImuTrack(
-        imu,
-        IMU_MESSAGES[HIGHRES_IMU].name,
-        clock.t_s(table),
-        table.fields["time_usec"].astype(np.int64),
-        _columns(table, "xgyro", "ygyro", "zgyro"),
-        _columns(table, "xacc", "yacc", "zacc"),
-        m_b_ut,
-    )
+def _track(imu: ImuColumns) -> ImuTrack:
+    columns = (imu.stamp_us, imu.w_b, imu.f_b, imu.m_b_ut)
+    return ImuTrack(imu.number, imu.message, imu.rows.t_s, *columns)
 
 
 def _compass_rows(
@@ -278,10 +233,6 @@ def _compass_rows(
             fields = track.m_b_ut[has_field]
             found.append(compass_rows(track.imu, track.t_s[has_field], fields, parameters))
     return tuple(found)
-
-
-def _columns(table: FrameTable, *names: str) -> Array:
-    return np.stack([table.fields[name].astype(np.float64) for name in names], axis=1)
 
 
 # --- the vehicle ------------------------------------------------------------------------------

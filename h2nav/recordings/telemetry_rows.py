@@ -13,7 +13,12 @@ from h2nav.wire.dialect import LAYOUTS
 
 _IDS = {layout.name: layout.msg_id for layout in LAYOUTS.values()}
 # Messages with the number of an instance, and the messages of further instances.
-NUMBER = {"BATTERY_STATUS": "id", "DISTANCE_SENSOR": "id", "SERVO_OUTPUT_RAW": "port"}
+NUMBER = {
+    "BATTERY_STATUS": "id",
+    "DISTANCE_SENSOR": "id",
+    "HIGHRES_IMU": "id",
+    "SERVO_OUTPUT_RAW": "port",
+}
 FURTHER = {"SCALED_PRESSURE": ("SCALED_PRESSURE2", "SCALED_PRESSURE3")}
 
 

@@ -25,6 +25,7 @@ from h2nav.recordings.autopilot_log import (
     completed,
     imus_of,
 )
+from h2nav.recordings.columns import axes
 from h2nav.recordings.context import (
     Array,
     Burst,
@@ -34,17 +35,16 @@ from h2nav.recordings.context import (
 )
 from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
+from h2nav.recordings.imu_tables import ImuColumns, devices_in_use, imu_columns
 from h2nav.recordings.log_clock import in_order
 from h2nav.recordings.log_rows import FIX_AGE_US, MAX_INSTANCES, Rows
 from h2nav.recordings.receiver_tables import receivers_of, start_unix_s
 from h2nav.recordings.text_tables import said_of
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
-from h2nav.wire.imu import MAX_IMUS, UT_PER_GAUSS
+from h2nav.wire.imu import UT_PER_GAUSS
 
 ARMED = 2
-# Longest averaging time of a sample.
-LONGEST_MEAN_US = 100_000
 FIFO_VALUES = 32
 MODES = {
     0: "MANUAL",
@@ -145,89 +145,32 @@ def recorded(file: ULogFile) -> Recorded:
 
 def _imu_rows(log: ULogRows) -> list[ImuRows]:
     """Means of every IMU over the time before them, from the first topic with a sufficient rate."""
+    found = imu_columns(log)
     choices = (
-        [_delta(rows) for rows in log.instances("vehicle_imu", *DELTAS, "delta_angle_dt")],
-        _combined(log),
-        _single_sensors(log),
+        [one.as_rows(one.device_ids) for one in found if one.message == "vehicle_imu"],
+        [one.as_rows(devices_in_use(log)) for one in found if one.message == "sensor_combined"],
+        _single_sensors(found),
     )
     fast = [
         [rows for rows in found if rows.samples.rate_hz >= imu_series.MIN_IMU_HZ]
         for found in choices
     ]
-    found = next((rows for rows in (*fast, *choices) if rows), [])
-    return [rows for rows in found if rows.imu < MAX_IMUS]
+    return next((rows for rows in (*fast, *choices) if rows), [])
 
 
-DEVICE_IDS = "accel_device_id", "gyro_device_id"
-DELTAS = tuple(f"{name}[{axis}]" for name in ("delta_angle", "delta_velocity") for axis in range(3))
-
-
-def _delta(rows: Rows) -> ImuRows:
-    """vehicle_imu: angles and velocities over times in us."""
-    table = rows.table
-    angle_us, velocity_us = (
-        table.numbers(column) if column in table else table.numbers("delta_angle_dt")
-        for column in ("delta_angle_dt", "delta_velocity_dt")
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        w_b = table.numbers(*DELTAS[:3]) / (1e-6 * angle_us[:, None])
-        f_b = table.numbers(*DELTAS[3:]) / (1e-6 * velocity_us[:, None])
-    samples = Samples(rows.sample_us, w_b, f_b)
-    ids = _device_ids(rows, DEVICE_IDS)
-    return ImuRows(rows.number, "vehicle_imu", samples, _length(angle_us), ids)
-
-
-def _device_ids(rows: Rows | None, names: tuple[str, ...]) -> tuple[int, int]:
-    """Device ids of accelerometer and gyro, if constant in the log."""
-    if rows is None or not all(name in rows.table for name in names):
-        return (0, 0)
-    accelerometer, gyro = (np.unique(rows.table.integers(name)).tolist() for name in names)
-    return (accelerometer[0], gyro[0]) if len(accelerometer) == len(gyro) == 1 else (0, 0)
-
-
-def _combined(log: ULogRows) -> list[ImuRows]:
-    """sensor_combined: the IMU in use; its integration times were seconds once."""
-    gyro, force = _axes("gyro_rad"), _axes("accelerometer_m_s2")
-    rows = log.find("sensor_combined", *gyro, *force)
-    if rows is None:
-        return []
-    table = rows.table
-    length_us: Array = np.zeros(len(rows.t_us))
-    if "gyro_integral_dt" in table:
-        unit_us = 1e6 if table.kind("gyro_integral_dt") == "f" else 1.0
-        length_us = _length(table.numbers("gyro_integral_dt") * unit_us)
-    samples = Samples(rows.t_us, table.numbers(*gyro), table.numbers(*force))
-    primary = tuple(f"{name}_primary" for name in DEVICE_IDS)
-    ids = _device_ids(log.find("sensors_status_imu", *primary), primary)
-    if ids == (0, 0):
-        ids = _device_ids(log.find("sensor_selection", *DEVICE_IDS), DEVICE_IDS)
-    return [ImuRows(0, "sensor_combined", samples, length_us, ids)]
-
-
-def _single_sensors(log: ULogRows) -> list[ImuRows]:
+def _single_sensors(found: list[ImuColumns]) -> list[ImuRows]:
     """sensor_gyro and sensor_accel of the same number, with the newest force at each rate."""
-    found = []
-    for gyro in log.instances("sensor_gyro", "x", "y", "z"):
-        accel = log.find("sensor_accel", "x", "y", "z", number=gyro.number)
-        if accel is None:
+    accels = {one.number: one for one in found if one.message == "sensor_accel"}
+    pairs = []
+    for gyro in found:
+        if gyro.message != "sensor_gyro" or gyro.number not in accels:
             continue
-        place = np.searchsorted(accel.sample_us, gyro.sample_us, side="right") - 1
+        accel, t_us = accels[gyro.number], gyro.rows.sample_us
+        place = np.searchsorted(accel.rows.sample_us, t_us, side="right") - 1
         has_force = place >= 0
-        rates = gyro.table.numbers("x", "y", "z")[has_force]
-        forces = accel.table.numbers("x", "y", "z")[place[has_force]]
-        samples = Samples(gyro.sample_us[has_force], rates, forces)
-        found.append(ImuRows(gyro.number, "sensor_gyro", samples, np.zeros(len(rates))))
-    return found
-
-
-def _length(length_us: Array) -> Array:
-    """Integration times; 0 where implausible."""
-    good = (length_us > 0.0) & (length_us <= LONGEST_MEAN_US)
-    return np.where(good, length_us, 0.0)
-
-
-def _axes(name: str) -> tuple[str, ...]:
-    return tuple(f"{name}[{axis}]" for axis in range(3))
+        samples = Samples(t_us[has_force], gyro.w_b[has_force], accel.f_b[place[has_force]])
+        pairs.append(ImuRows(gyro.number, "sensor_gyro", samples, np.zeros(len(samples.t_us))))
+    return pairs
 
 
 def _hides_imus(log: ULogRows, context: Context) -> bool:
@@ -239,7 +182,7 @@ def _hides_imus(log: ULogRows, context: Context) -> bool:
 def _compasses(log: ULogRows) -> dict[int, Fields]:
     """Calibrated fields by number; those of sensor_mag are uncalibrated, hence useless."""
     found = {}
-    field = _axes("magnetometer_ga")
+    field = axes("magnetometer_ga")
     for rows in log.instances("vehicle_magnetometer", *field):
         found[rows.number] = _fields(rows.sample_us, rows.table.numbers(*field))
     relative = "magnetometer_timestamp_relative"
@@ -257,7 +200,7 @@ def _compasses(log: ULogRows) -> dict[int, Fields]:
 
 def _compass_tracks(log: ULogRows) -> Iterator[CompassTrack]:
     """For a calibration; the id of the compass is stored beside its values."""
-    field = _axes("magnetometer_ga")
+    field = axes("magnetometer_ga")
     for rows in log.instances("vehicle_magnetometer", *field):
         values = rows.table.numbers(*field) * UT_PER_GAUSS
         t_us = rows.sample_us

@@ -62,6 +62,37 @@ RECIPES = {
         "assert 'made' in [one.name for one in FIELDS]\n"
         "assert 'POWR' in messages_of(Format.DATAFLASH, FIELDS)\n",
     ),
+    "A column of an IMU, a receiver, an attitude or a text": (
+        {
+            "h2nav/recordings/receiver_tables.py": (
+                "    is_used: Array  #",
+                "    hdop: Array  # (N,)\n    is_used: Array  #",
+                '                "is_used": column("U", may_lack=True),\n',
+                '                "is_used": column("U", may_lack=True),\n'
+                '                "hdop": column("HDop", may_lack=True),\n',
+                '                "spoofing": column("spoofing_state", may_lack=True),\n',
+                '                "spoofing": column("spoofing_state", may_lack=True),\n'
+                '                "hdop": column("hdop", may_lack=True),\n',
+                '                    "satellites": column("satellites_visible",',
+                '                    "hdop": column("eph", scale=CENTI),\n'
+                '                    "satellites": column("satellites_visible",',
+            )
+        },
+        "import numpy as np\n"
+        "from h2nav.recordings.columns import Format, read\n"
+        "from h2nav.recordings.log_rows import Rows\n"
+        "from h2nav.recordings.receiver_tables import FIXES\n"
+        "from h2nav.recordings.row_tables import Table\n"
+        "class Log:\n"
+        "    def instances(self, name, *columns):\n"
+        "        row = [(one, 'i4') for one in {*columns, 'HDop', 'hdop', 'eph'}]\n"
+        "        table = Table(name, np.arange(1), np.full(1, 120, row))\n"
+        "        yield Rows(0, table, np.zeros(1, np.int64), np.zeros(1))\n"
+        "log = Log()\n"
+        "for log.format in Format:\n"
+        "    factor = 0.01 if log.format is Format.TELEMETRY else 1.0\n"
+        "    assert read(log, (FIXES,)).values['fixes'][0].hdop == [120 * factor]\n",
+    ),
     "A message that is read": (
         {
             "h2nav/wire/vehicle.py": (

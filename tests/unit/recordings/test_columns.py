@@ -10,6 +10,7 @@ from made_logs import START_US, DataflashWriter, ULogWriter
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths.quaternion import from_euler
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.autopilot_log import has_enough_samples
 from h2nav.recordings.columns import Format, messages_of
 from h2nav.recordings.context import Context
@@ -284,6 +285,44 @@ def test_an_attitude_is_the_same_in_every_format_where_it_is_one(tmp_path: Path)
             np.testing.assert_allclose(track.q_nb, q_nb[:-1], atol=1e-6)
     # As old as its samples.
     assert ulog(tmp_path, px4).attitudes[0].t_s[5] == pytest.approx(0.498)
+
+
+def test_samples_of_an_imu_are_the_same_in_every_format(tmp_path: Path):
+    """Of the second IMU, where a message tells; the field comes in gauss, in milligauss or not."""
+    w_b, f_b, m_b_ut = (0.5, -0.25, 1.0), (1.0, 2.0, -9.0), (20.0, 1.0, 40.0)
+    writer = DataflashWriter()
+    columns = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GH,AH"
+    writer.add("IMU", "QBffffffBB", columns, TIMES, 1, *w_b, *f_b, 1, np.arange(len(TIMES)) > 0)
+    integrals, combined, single = ULogWriter(), ULogWriter(), ULogWriter()
+    fields = "float[3] delta_angle;float[3] delta_velocity;uint32_t delta_angle_dt"
+    deltas = (np.multiply(w_b, 0.01), np.multiply(f_b, 0.02), 10_000)
+    fields += ";uint32_t delta_velocity_dt;uint32_t accel_device_id;uint32_t gyro_device_id"
+    integrals.add("vehicle_imu", fields, TIMES, *deltas, 20_000, 11, 12, number=1)
+    fields = "float[3] gyro_rad;float[3] accelerometer_m_s2;float gyro_integral_dt"
+    combined.add("sensor_combined", fields, TIMES, w_b, f_b, 0.01)
+    fields = "uint32_t accel_device_id;uint32_t gyro_device_id"
+    combined.add("sensor_selection", fields, TIMES, 11, 12)
+    for topic, values in (("sensor_gyro", w_b), ("sensor_accel", f_b)):
+        single.add(topic, "float x;float y;float z", TIMES, *values, number=1)
+    whole = [[round(x * 1000 / unit) for x in v] for v, unit in ((f_b, GRAVITY_M_S2), (w_b, 1.0))]
+    second = mavlink.MAVLink_scaled_imu2_message(7, *whole[0], *whole[1], 200, 10, 400)
+    gauss = np.divide(m_b_ut, 100.0)
+    precise = mavlink.MAVLink_highres_imu_message(7000, *f_b, *w_b, *gauss, 0, 0, 0, 0, 0x1FF, id=1)
+    own = [ulog(tmp_path, one) for one in (integrals, combined, single)]
+    wired = [telemetry(tmp_path, one) for one in (second, precise)]
+    for context, imu, count in (
+        (dataflash(tmp_path, writer), 1, len(TIMES) - 1),
+        *zip(own, (1, 0, 1), [len(TIMES)] * 3, strict=True),
+        *((context, 1, 1) for context in wired),
+    ):
+        (track,) = context.imus
+        assert (track.imu, len(track.t_s)) == (imu, count)
+        np.testing.assert_allclose(track.w_b[0], w_b, atol=1e-6)
+        np.testing.assert_allclose(track.f_b[0], f_b, atol=0.005)
+    assert [context.imus[0].device_ids for context in own] == [(11, 12), (11, 12), (0, 0)]
+    for context in wired:
+        assert context.imus[0].stamp_us.tolist() == [7000]
+        np.testing.assert_allclose(context.imus[0].m_b_ut, [m_b_ut], atol=1e-6)
 
 
 def test_fixes_are_the_same_in_every_format(tmp_path: Path):
