@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Severity
 from h2nav.recordings import dataflash_controls as controls
-from h2nav.recordings import flight_modes, imu_series
+from h2nav.recordings import flight_modes
 from h2nav.recordings.airframe_identity import ardupilot_board
 from h2nav.recordings.attitude_tables import attitudes_of, truth_of
 from h2nav.recordings.autopilot_log import (
@@ -30,10 +30,15 @@ from h2nav.recordings.autopilot_log import (
     imus_of,
 )
 from h2nav.recordings.board_trim import Trim
+from h2nav.recordings.compass_tables import (
+    compass_columns,
+    compass_tracks,
+    fields_of,
+    statistics_of,
+)
 from h2nav.recordings.context import (
     Array,
     Burst,
-    CompassTrack,
     Context,
     Said,
     Series,
@@ -43,14 +48,14 @@ from h2nav.recordings.context_fields import table_fields
 from h2nav.recordings.dataflash_errors import said_of_error
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import read_dataflash
-from h2nav.recordings.imu_series import Fields, ImuRows
+from h2nav.recordings.imu_series import ImuRows
 from h2nav.recordings.imu_tables import imu_columns
 from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.receiver_tables import is_on_earth, receivers_of, start_unix_s
 from h2nav.recordings.row_tables import LogTables
 from h2nav.recordings.spans import spans
 from h2nav.recordings.text_tables import said_of
-from h2nav.wire.imu import MAX_IMUS, UT_PER_MGAUSS
+from h2nav.wire.imu import MAX_IMUS
 from h2nav.wire.position import Place
 
 ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
@@ -150,7 +155,9 @@ def recorded(tables: LogTables) -> Recorded:
     kind = _kind_of(firmware, parameters)
     vehicle_type = _vehicle_type(kind, parameters)
     trim = Trim(parameters)
-    imus, readings = imus_of(log, _imu_rows(log), _compasses(log, trim), trim.vectors)
+    compasses = compass_columns(log)
+    fields = fields_of(compasses, trim.vectors)
+    imus, readings = imus_of(log, _imu_rows(log), fields, trim.vectors)
     receivers = receivers_of(log)
     attitudes = attitudes_of(log, _flown_by(parameters), trim)
     autopilot = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, vehicle_type)
@@ -164,7 +171,7 @@ def recorded(tables: LogTables) -> Recorded:
         system_id=int(parameters.get("MAV_SYSID", parameters.get("SYSID_THISMAV", 0.0))),
         start_unix_s=start_unix_s(log),
         imus=imus,
-        compasses=tuple(_compass_tracks(log)),
+        compasses=tuple(compass_tracks(log, compasses)),
         bursts=_bursts(log),
         attitudes=attitudes,
         truth=truth_of(log),
@@ -174,7 +181,7 @@ def recorded(tables: LogTables) -> Recorded:
         flown_by=_in_use(log),
         said=said,
         vehicle_type=vehicle_type,
-        compass_rows=controls.compasses(log, parameters),
+        compass_rows=statistics_of(compasses, parameters),
         faults=controls.faults(log),
         occurrences=controls.occurrences(log),
         silent=log.silences(),
@@ -210,53 +217,6 @@ def _imu_rows(log: DataflashRows) -> Iterator[ImuRows]:
         log.note(reason, int((~good).sum()))
         rows = imu.as_rows(is_timed=log.times_of(imu.rows.table) is not None)
         yield rows._replace(samples=rows.samples.only(good))
-
-
-def _new_fields(log: DataflashRows) -> Iterator[Rows]:
-    """The fields measured by a compass, each once, as the autopilot uses them, in milligauss.
-
-    They include offsets, scale and motor compensation (`Compass::get_field`); OfsX and the like
-    show what was added.
-    """
-    for rows in log.instances("MAG", "MagX", "MagY", "MagZ"):
-        good = np.ones(len(rows.t_us), np.bool_)
-        if "Health" in rows.table:
-            good &= rows.table.integers("Health") != 0
-        if "S" in rows.table:  # time of measurement: a repeated one is no new field
-            good &= np.diff(rows.table.integers("S"), prepend=-1) != 0
-        yield rows.where(good)
-
-
-def _compass_tracks(log: DataflashRows) -> Iterator[CompassTrack]:
-    """For a calibration: the fields in the axes of the board, and the corrections in them."""
-    for rows in _new_fields(log):
-        values = rows.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
-        good = imu_series.can_be_fields(values)
-        offset = _optional(rows, ("OfsX", "OfsY", "OfsZ")) * UT_PER_MGAUSS
-        names = ("MOX", "MOY", "MOZ") if "MOX" in rows.table else ("MOfsX", "MOfsY", "MOfsZ")
-        motor = _optional(rows, names) * UT_PER_MGAUSS
-        if good.any():
-            yield CompassTrack(
-                rows.number, 0, rows.t_s[good], values[good], offset[good], motor[good]
-            )
-
-
-def _optional(rows: Rows, names: tuple[str, ...]) -> Array:
-    """(N, k) of optional columns; NaN if one is absent."""
-    if all(name in rows.table for name in names):
-        return rows.table.numbers(*names)
-    return np.full((len(rows.t_us), len(names)), np.nan)
-
-
-def _compasses(log: DataflashRows, trim: Trim) -> dict[int, Fields]:
-    """Fields by number, in the axes of the body."""
-    found = {}
-    for new in _new_fields(log):
-        values = new.table.numbers("MagX", "MagY", "MagZ") * UT_PER_MGAUSS
-        fields = imu_series.usable_fields(Fields(new.t_us, trim.vectors(values)))
-        if len(fields.t_us):
-            found[new.number] = fields
-    return found
 
 
 def _bursts(log: DataflashRows) -> tuple[Burst, ...]:

@@ -4,21 +4,13 @@ Sources: ArduPilot's LogStructure.h and Log.cpp of its libraries and vehicles, 2
 `LogEvent` of AP_Logger.h.
 """
 
-from collections.abc import Mapping
-
-from h2nav.recordings.compass_rows import compass_rows
 from h2nav.recordings.context import (
-    CompassRows,
     Occurrence,
     ReportedFault,
 )
 from h2nav.recordings.dataflash_errors import said_of_error, subsystem_of
 from h2nav.recordings.dataflash_rows import DataflashRows
 
-MAX_OUTPUTS = 16
-HIGHEST_M = 50_000.0
-# Widths of the ranges in which old logs stored volts without a unit.
-MAX_BOARD_VOLTS = 10.0
 OCCURRENCES = {
     10: "armed",
     11: "disarmed",
@@ -45,15 +37,6 @@ OCCURRENCES = {
     62: "EKF heading reset",
     67: "other GPS in use",
 }
-
-
-def compasses(log: DataflashRows, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
-    """MAG of each compass."""
-    axes = ("MagX", "MagY", "MagZ")
-    return tuple(
-        compass_rows(rows.number, rows.t_s, rows.table.numbers(*axes), parameters)
-        for rows in log.instances("MAG", *axes)
-    )
 
 
 def faults(log: DataflashRows) -> tuple[ReportedFault, ...]:

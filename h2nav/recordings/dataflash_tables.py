@@ -303,7 +303,7 @@ class _Chain:
         sources: dict[str, RowSource] = {}
         for kind, form in self._formats.items():
             places = np.frombuffer(self._places[kind], np.int64)
-            if form.row() is None or not len(places):
+            if not len(places) or form.row() is None:
                 continue
             # Of two types with one name, the one with more rows counts.
             if form.name in sources and len(sources[form.name].places) >= len(places):

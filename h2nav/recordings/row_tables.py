@@ -133,7 +133,7 @@ class RowSource(NamedTuple):
 
 
 class LogTables:
-    """The messages of a log by name; tables are created on demand and not kept.
+    """The messages of a log by name; tables are created on demand.
 
     Args:
         sources: of the messages present; tables if they had to be created at once.
@@ -148,16 +148,17 @@ class LogTables:
         preamble: tuple[str, ...] = (),
     ) -> None:
         self._sources = sources
+        self._tables: dict[str, Table | None] = {}
         self.names = frozenset(sources)  # of the messages present
         self.notes = notes  # reason -> count
         self.preamble = preamble  # lines of text before the first definition
 
     def find(self, name: str, *columns: str) -> Table | None:
         """The table of a message; None if it is absent or lacks one of the columns."""
-        source = self._sources.get(name)
-        if source is None:
-            return None
-        table = source if isinstance(source, Table) else source.table(name)
+        if name not in self._tables:
+            source = self._sources.get(name)
+            self._tables[name] = source.table(name) if isinstance(source, RowSource) else source
+        table = self._tables[name]
         if table is None or not all(column in table for column in columns):
             return None
         return table

@@ -25,24 +25,25 @@ from h2nav.recordings.autopilot_log import (
     completed,
     imus_of,
 )
-from h2nav.recordings.columns import axes
+from h2nav.recordings.compass_tables import (
+    compass_columns,
+    compass_tracks,
+    fields_of,
+    statistics_of,
+)
 from h2nav.recordings.context import (
-    Array,
     Burst,
-    CompassTrack,
     Context,
     Span,
 )
 from h2nav.recordings.context_fields import table_fields
-from h2nav.recordings.imu_series import Fields, ImuRows, Samples, Times
+from h2nav.recordings.imu_series import ImuRows, Samples
 from h2nav.recordings.imu_tables import ImuColumns, devices_in_use, imu_columns
-from h2nav.recordings.log_clock import in_order
-from h2nav.recordings.log_rows import FIX_AGE_US, MAX_INSTANCES, Rows
+from h2nav.recordings.log_rows import MAX_INSTANCES, Rows
 from h2nav.recordings.receiver_tables import receivers_of, start_unix_s
 from h2nav.recordings.text_tables import said_of
 from h2nav.recordings.ulog_rows import ULogRows
 from h2nav.recordings.ulog_tables import ULogFile, read_ulog
-from h2nav.wire.imu import UT_PER_GAUSS
 
 ARMED = 2
 FIFO_VALUES = 32
@@ -100,7 +101,8 @@ def recorded(file: ULogFile) -> Recorded:
     settings = _settings(log)
     parameters = {setting.name: setting.value for setting in settings}
     vehicle_type = _vehicle_type(log, parameters)
-    imus, readings = imus_of(log, _imu_rows(log), _compasses(log))
+    compasses = compass_columns(log)
+    imus, readings = imus_of(log, _imu_rows(log), fields_of(compasses))
     receivers = receivers_of(log)
     kind = (mavlink.MAV_AUTOPILOT_PX4, vehicle_type)
     attitudes = attitudes_of(log, _flown_by(parameters))
@@ -111,7 +113,7 @@ def recorded(file: ULogFile) -> Recorded:
         system_id=int(parameters.get("MAV_SYS_ID", 0.0)),
         start_unix_s=start_unix_s(log),
         imus=imus,
-        compasses=tuple(_compass_tracks(log)),
+        compasses=tuple(compass_tracks(log, compasses)),
         bursts=_bursts(log),
         attitudes=attitudes,
         truth=truth_of(log),
@@ -120,7 +122,7 @@ def recorded(file: ULogFile) -> Recorded:
         primary=_primary(log),
         said=said_of(log),
         vehicle_type=vehicle_type,
-        compass_rows=controls.compasses(log, parameters),
+        compass_rows=statistics_of(compasses, parameters),
         faults=controls.faults(log),
         silent=log.silences(),
         **table_fields(log, parameters, kind, receivers.tracks),
@@ -177,49 +179,6 @@ def _hides_imus(log: ULogRows, context: Context) -> bool:
     """Whether there is a second IMU with too few logged samples."""
     others = [rows.number for rows in log.instances("vehicle_imu", "delta_angle_dt")]
     return len(others) > 1 and [track.source for track in context.imus] == ["sensor_combined"]
-
-
-def _compasses(log: ULogRows) -> dict[int, Fields]:
-    """Calibrated fields by number; those of sensor_mag are uncalibrated, hence useless."""
-    found = {}
-    field = axes("magnetometer_ga")
-    for rows in log.instances("vehicle_magnetometer", *field):
-        found[rows.number] = _fields(rows.sample_us, rows.table.numbers(*field))
-    relative = "magnetometer_timestamp_relative"
-    combined = log.find("sensor_combined", *field, relative) if not found else None
-    if combined is not None:  # until 2017
-        late_us = combined.table.integers(relative)
-        # The largest int32 means that there is none.
-        is_new = np.abs(late_us) <= FIX_AGE_US
-        t_us = (combined.t_us + late_us)[is_new]
-        values = combined.table.numbers(*field)[is_new]
-        is_new = np.diff(t_us, prepend=-1) > 0
-        found[0] = _fields(t_us[is_new], values[is_new])
-    return {number: fields for number, fields in found.items() if len(fields.t_us)}
-
-
-def _compass_tracks(log: ULogRows) -> Iterator[CompassTrack]:
-    """For a calibration; the id of the compass is stored beside its values."""
-    field = axes("magnetometer_ga")
-    for rows in log.instances("vehicle_magnetometer", *field):
-        values = rows.table.numbers(*field) * UT_PER_GAUSS
-        t_us = rows.sample_us
-        good = imu_series.can_be_fields(values) & in_order(t_us)
-        device_id = 0
-        if "device_id" in rows.table and good.any():
-            ids = rows.table.integers("device_id")
-            found, counts = np.unique(ids[good], return_counts=True)
-            device_id = int(found[counts.argmax()])
-            good &= ids == device_id
-        if good.any():
-            unknown = np.full((int(good.sum()), 3), np.nan)
-            t_s = log.since_start(t_us[good])
-            yield CompassTrack(rows.number, device_id, t_s, values[good], unknown, unknown)
-
-
-def _fields(t_us: Times, gauss: Array) -> Fields:
-    in_time = in_order(t_us)
-    return imu_series.usable_fields(Fields(t_us[in_time], gauss[in_time] * UT_PER_GAUSS))
 
 
 def _bursts(log: ULogRows) -> tuple[Burst, ...]:

@@ -3,19 +3,14 @@
 Sources: PX4's msg/*.msg, 2016 to 2026.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from h2nav.recordings.compass_rows import compass_rows
 from h2nav.recordings.context import (
-    CompassRows,
     ReportedFault,
 )
 from h2nav.recordings.log_rows import Rows
 from h2nav.recordings.ulog_rows import ULogRows
 
-MAX_OUTPUTS, MAX_ESCS = 16, 8
 # battery_status.warning, from low on.
 BATTERY_WARNINGS = {
     1: "battery low",
@@ -34,15 +29,6 @@ FAILURES = {
     "fd_imbalanced_prop": ("motor", "propeller out of balance"),
     "fd_motor": ("motor", "motor failure"),
 }
-
-
-def compasses(log: ULogRows, parameters: Mapping[str, float]) -> tuple[CompassRows, ...]:
-    """vehicle_magnetometer of each instance."""
-    axes = tuple(f"magnetometer_ga[{axis}]" for axis in range(3))
-    return tuple(
-        compass_rows(rows.number, rows.t_s, rows.table.numbers(*axes), parameters)
-        for rows in log.instances("vehicle_magnetometer", *axes)
-    )
 
 
 def faults(log: ULogRows) -> tuple[ReportedFault, ...]:

@@ -62,7 +62,7 @@ RECIPES = {
         "assert 'made' in [one.name for one in FIELDS]\n"
         "assert 'POWR' in messages_of(Format.DATAFLASH, FIELDS)\n",
     ),
-    "A column of an IMU, a receiver, an attitude or a text": (
+    "A column of an IMU, a compass, a receiver, an attitude or a text": (
         {
             "h2nav/recordings/receiver_tables.py": (
                 "    is_used: Array  #",

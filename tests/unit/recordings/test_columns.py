@@ -325,6 +325,43 @@ def test_samples_of_an_imu_are_the_same_in_every_format(tmp_path: Path):
         np.testing.assert_allclose(context.imus[0].m_b_ut, [m_b_ut], atol=1e-6)
 
 
+def test_fields_of_a_compass_are_the_same_in_every_format(tmp_path: Path):
+    """With their offsets under both names; one device of two; not in each row that repeats it."""
+    columns = "TimeUS,I,MagX,MagY,MagZ,OfsX,OfsY,OfsZ,{0}X,{0}Y,{0}Z,Health"
+    healthy = np.arange(len(TIMES)) != 3
+    values = (1, 200, 10, 400, 50, -60, 70, 1, 2, 3, healthy)
+    contexts = []
+    for motor in ("MO", "MOfs"):
+        writer = DataflashWriter()
+        writer.add("MAG", "QBhhhhhhhhhB", columns.format(motor), TIMES, *values)
+        contexts.append(dataflash(tmp_path, writer))
+    px4 = ULogWriter()
+    device = np.where(np.arange(len(TIMES)) == 3, 8, 7)
+    fields = "float[3] magnetometer_ga;uint32_t device_id"
+    px4.add("vehicle_magnetometer", fields, TIMES, (0.2, 0.01, 0.4), device, number=1)
+    contexts.append(ulog(tmp_path, px4))
+    for context in contexts:
+        (track,) = context.compasses
+        assert (track.compass, len(track.t_s)) == (1, len(TIMES) - 1)
+        np.testing.assert_allclose(track.m_b_ut[0], (20.0, 1.0, 40.0), atol=1e-6)
+        (statistics,) = context.compass_rows
+        assert (statistics.compass, statistics.rows, statistics.changes) == (1, len(TIMES), 0)
+    for context in contexts[:2]:
+        np.testing.assert_allclose(context.compasses[0].offset_ut[0], (5.0, -6.0, 7.0))
+        np.testing.assert_allclose(context.compasses[0].motor_ut[0], (0.1, 0.2, 0.3))
+    assert contexts[2].compasses[0].device_id == 7
+    old = ULogWriter()
+    place = np.arange(len(TIMES))
+    late_us = np.where(place < 50, TIMES[place // 2 * 2] - TIMES - 10_000, 2**31 - 1)
+    fields = "float[3] gyro_rad;float[3] accelerometer_m_s2;float[3] magnetometer_ga"
+    fields += ";int32_t magnetometer_timestamp_relative"
+    values = (0.0, (0.0, 0.0, -9.8), (0.2, 0.01, 0.4), late_us)
+    old.add("sensor_combined", fields, TIMES, *values)
+    context = ulog(tmp_path, old)
+    assert (context.compasses, context.compass_rows) == ((), ())
+    assert np.isfinite(context.imus[0].m_b_ut[:, 0]).sum() == 25
+
+
 def test_fixes_are_the_same_in_every_format(tmp_path: Path):
     """3 m/s east; the second is not on earth, the third has no velocity, the last is no fix.
 
