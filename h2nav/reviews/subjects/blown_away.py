@@ -16,7 +16,7 @@ BLOWN_AWAY = FlightKind("blown_away")
 LIMITS = {"ANGLE_MAX": 0.01, "ATC_ANGLE_MAX": 1.0, "MPC_TILTMAX_AIR": 1.0}
 LIMIT_SHARE = 0.85
 # Who brakes from 25 m/s leans against his motion for as long as this, at 20 deg and more.
-LASTS_S, LEAST_RAD = 8.0, 15.0 * DEG
+LASTS_S, MIN_LEAN_RAD = 8.0, 15.0 * DEG
 # Gusts let it gain ground in between.
 AGAINST_M_S, PAUSES_S = -1.0, 1.5
 # A wrong heading leans into any direction.
@@ -50,7 +50,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
         return []
     gps = fixes[0].part(fixes[0].has_fix & within(fixes[0].t_s, evidence.of(parts.lifted)))
     lean_rad, against_m_s = _leans(gps, attitude)
-    is_so = (lean_rad > max(LIMIT_SHARE * _limit_rad(context), LEAST_RAD)) & (
+    is_so = (lean_rad > max(LIMIT_SHARE * _limit_rad(context), MIN_LEAN_RAD)) & (
         against_m_s < AGAINST_M_S
     )
     found = []
