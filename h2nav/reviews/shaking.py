@@ -165,16 +165,18 @@ def _grown(size: Array, typical: Array, growth: _Growth) -> int | None:
     places = np.arange(MIN_BEFORE, len(size) - reach + 1)
     if not len(places):
         return None
-    before = np.array([np.median(size[:place]) for place in places])
-    high = np.array([np.quantile(size[:place], 0.95) for place in places])
-    level = np.array([np.median(size[place : place + reach]) for place in places])
-    least = np.maximum(growth.times * before, growth.least_m_s2)
-    begun = (level > least) & (size[places] > growth.times * before)
-    begun &= level > growth.above * high
-    usual = np.array([np.median(typical[:place]) for place in places])
-    now = np.array([np.median(typical[place : place + reach]) for place in places])
-    begun &= now > MAX_GROW * usual
-    return int(places[np.flatnonzero(begun)[0]]) if begun.any() else None
+    level = np.median(np.lib.stride_tricks.sliding_window_view(size, reach)[MIN_BEFORE:], axis=1)
+    # What was before is worked out only where the level itself would do.
+    for place in places[level > growth.least_m_s2].tolist():
+        now, before = level[place - MIN_BEFORE], size[:place]
+        usual = growth.times * np.median(before)
+        if not (now > usual and size[place] > usual):
+            continue
+        if not now > growth.above * np.quantile(before, 0.95):
+            continue
+        if np.median(typical[place : place + reach]) > MAX_GROW * np.median(typical[:place]):
+            return int(place)
+    return None
 
 
 def _levels(size: Array, length_s: float) -> Array:
