@@ -68,8 +68,10 @@ STALE_US = 1_000_000
 # Unless the comparison clears it, a constant difference within data sheets is heard anew.
 HEARING_US = 30_000_000
 HEARD_S = 10.0
-# A lane's test fails above 1; the other of two is sound below this.
-SOUND = 0.5
+# A lane's test fails above 1, and plainly above this; the other of two is sound below that. Of many
+# looks a single one fails by chance, but not for so long.
+SOUND, PLAIN = 0.5, 2.0
+SHOWN_US = 2_000_000
 MAX_SCALE = 0.5
 # A compass that repeats itself for this long (none is slower than 5 Hz) while others' fields change
 # by this share of it, and by the same within this share.
@@ -205,8 +207,7 @@ class _Shaken:
     def take(self, left: Vec3) -> float:
         """Takes what is left of a difference; returns the square of its mean (three axes)."""
         self._latest.append(left)
-        x, y, z = (sum(axis) / len(self._latest) for axis in zip(*self._latest, strict=True))
-        return _square((x, y, z))
+        return _square(_mean(self._latest))
 
     def forget(self) -> None:
         """Begins a new mean; what is usual stays."""
@@ -302,6 +303,7 @@ class _Pair:
         self.heard = _NONE  # what the hearing has added to their difference
         self._scatter = 0.0
         self._shaken = _Shaken()
+        self._values: deque[Vec3] = deque(maxlen=SHAKEN_WINDOWS)  # the latest
         self._rows: list[list[float]] = [[0.0] * 4 for _ in range(3)]
         sheet = self._sheet
         diagonal = sheet.bias**2, sheet.shape**2, sheet.shape**2, sheet.shape**2
@@ -349,8 +351,9 @@ class _Pair:
         ph = [_dot4(row, h) for row in p]
         power, size = self._power(one, other), _square(left)
         shaken, mean = self._shaken.variance(power), self._shaken.take(left)
-        sound = _dot4(h, ph) + self._variance(one, other, value)
-        total = sound + min(power, SHAKEN_WINDOWS * shaken) + self._scatter
+        self._values.append(value)
+        expected = self._variance(one, other, value)
+        sound = _dot4(h, ph) + expected
         of_mean = math.sqrt(mean / (sound + shaken)) / GATE
         self.ratio = max(math.sqrt(size / (sound + power + self._scatter)) / GATE, of_mean)
         self._judge(t_us, left, first, second)
@@ -360,6 +363,11 @@ class _Pair:
             return
         if of_mean < SOUND:
             self._shaken.learn(power, mean)
+        if power > sound:
+            # The lines of a vibration are in both values; what fades from a mean turns nothing.
+            h = (1.0, *_mean(self._values))
+            ph = [_dot4(row, h) for row in p]
+        total = _dot4(h, ph) + expected + min(power, SHAKEN_WINDOWS * shaken) + self._scatter
         self._learn(left, ph, total)
         self._learn_delay(left, slope, total)
         most = MAX_SCATTER * self._sheet.floor
@@ -525,6 +533,8 @@ class Voting:
         self._pairs: dict[tuple[InertialSensor, int, int], _Pair] = {}
         self._wrong: dict[tuple[InertialSensor, int], int] = {}  # and when it was named
         self._names: dict[tuple[InertialSensor, int], Alarm] = {}
+        # of two: the one whose attitude is contradicted, and since when
+        self._shown: dict[tuple[InertialSensor, int, int], tuple[int, int]] = {}
         self._verdicts: dict[int, Verdict] = {}  # since the last window that was closed
         self._t_us = 0
 
@@ -643,29 +653,42 @@ class Voting:
         pair: _Pair,
         suspicions: Mapping[int, Suspicion],
     ) -> int | None:
-        """Which of two is wrong, by what else is known; None if nothing shows it."""
+        """Which of two is wrong, by what else is shown for long enough; None if nothing is."""
         moved = MOVED_FLOORS * _SHEETS[part].floor
         for place in (0, 1):
             if pair.shape.is_frozen(place) and pair.shape.moved(1 - place) > moved:
                 return numbers[place]
         of = [suspicions.get(number, Suspicion()) for number in numbers]
         if part is InertialSensor.GYRO:
-            shown = _worse(of[0].turn, of[1].turn)
-            if shown is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
-                shown = _worse(of[0].velocity, of[1].velocity)
+            ratios = of[0].turn, of[1].turn
+            if _worse(*ratios) is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
+                ratios = of[0].velocity, of[1].velocity
         else:
             # A contradiction that a wrong gyro explains says nothing of the accelerometer; nor does
             # any while gyros differ and nobody knows which one is wrong.
             wrong = [(InertialSensor.GYRO, number) in self._wrong for number in numbers]
             if not any(wrong) and not self._has_agreed(InertialSensor.GYRO, numbers):
                 return None
-            shown = _worse(
-                *(
-                    0.0 if is_wrong else one.velocity
-                    for is_wrong, one in zip(wrong, of, strict=True)
-                )
+            first, second = (
+                0.0 if is_wrong else one.velocity for is_wrong, one in zip(wrong, of, strict=True)
             )
-        return None if shown is None else numbers[shown]
+            ratios = first, second
+        return self._shown_for_long(part, numbers, ratios)
+
+    def _shown_for_long(
+        self, part: InertialSensor, numbers: tuple[int, int], ratios: tuple[float, float]
+    ) -> int | None:
+        """Which of two fails, if it does so plainly, or for `SHOWN_US`."""
+        key, place = (part, *numbers), _worse(*ratios)
+        if place is None:
+            self._shown.pop(key, None)
+            return None
+        before, since_us = self._shown.get(key, (place, self._t_us))
+        if before != place:
+            since_us = self._t_us
+        self._shown[key] = place, since_us
+        is_plain = ratios[place] > PLAIN
+        return numbers[place] if is_plain or self._t_us - since_us >= SHOWN_US else None
 
     def verdict(self, imu: int) -> Verdict:
         """What is known of an IMU."""
@@ -822,6 +845,11 @@ def _worse(first: float, second: float) -> int | None:
 
 def _middle(a: Vec3, b: Vec3) -> Vec3:
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
+
+
+def _mean(values: Collection[Vec3]) -> Vec3:
+    x, y, z = (sum(axis) / len(values) for axis in zip(*values, strict=True))
+    return x, y, z
 
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:
