@@ -23,7 +23,7 @@ INTERRUPTED, READER_GONE = 130, 141
 # two blocks of a recording become.
 NEW_OBJECTS = 500_000
 # Our matrices are small: further threads of linear algebra wait for each other and cost a review a
-# quarter more, in processor time and by the clock.
+# quarter more, in processor time and by the clock; and how many there are shows in the last digits.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 LISTING_WIDTH = 20
