@@ -343,13 +343,14 @@ def _shown(run: _Run, before_b: Vec3, *, is_backward: bool = False) -> Vec3:
 
 def _extrapolated(found: Smoothed, delays: Conditions[SensorDelays]) -> Smoothed:
     """The attitudes at their nominal times. Source: docs/filter.md Eq. (42)."""
+    late_s = np.zeros(len(found.t_us))
     ends = [row for row, _ in delays[1:]]
-    for (first, late), stop in zip(delays, [*ends, len(found.t_us)], strict=False):
-        if late.gyro_s != 0.0:
-            rows = first + np.flatnonzero(found.is_known[first:stop])
-            x, y, z = found.w_b[:, rows] * late.gyro_s
-            led = multiply(_quats(found.at(rows)), columns.exp((x, y, z)))
-            found.q_nb[:, rows] = columns.normalize(led)
+    for (first, late), stop in zip(delays, [*ends, len(late_s)], strict=False):
+        late_s[first:stop] = late.gyro_s
+    rows = np.flatnonzero(found.is_known & (late_s != 0.0))
+    x, y, z = found.w_b[:, rows] * late_s[rows]
+    led = multiply(_quats(found.at(rows)), columns.exp((x, y, z)))
+    found.q_nb[:, rows] = columns.normalize(led)
     return found
 
 
