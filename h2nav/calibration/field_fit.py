@@ -32,6 +32,7 @@ from h2nav.calibration.regression import (
     normal,
     robust,
 )
+from h2nav.maths.rows import cross
 
 Mask = NDArray[np.bool_]
 
@@ -205,7 +206,7 @@ def headed(rows: FieldRows, angle_rad: Array) -> Array:
     e, d = rows.earth_ut, rows.down
     along = (e * d).sum(axis=1)[:, None] * d
     sine, cosine = np.sin(angle_rad)[:, None], np.cos(angle_rad)[:, None]
-    turned: Array = along + (e - along) * cosine - np.cross(d, e) * sine
+    turned: Array = along + (e - along) * cosine - cross(d, e) * sine
     return turned
 
 
@@ -223,6 +224,10 @@ def _linear(
     strays = _strays(rows, model)
     v = rows.raw_ut + now.offset_ut
     r = now.corrected(rows.raw_ut, lever) - model + strays @ knots[heading.knots :]
+    across = cross(rows.down, model)
+    turned = across[:, :, None] * heading.hats[:, None, :]
+    if not len(places):
+        return r, np.concatenate((turned, strays), axis=2)
     J = np.zeros((len(v), 3, COUNT))
     J[:, :, OFFSET] = now.matrix
     for place, (i, j) in enumerate(zip(_ROW, _COLUMN, strict=True), start=MATRIX.start):
@@ -230,8 +235,6 @@ def _linear(
         if i != j:
             J[:, j, place] += v[:, i]
     J[:, :, MOTOR] = lever[:, None, None] * np.eye(3)
-    across = np.cross(rows.down, model)
-    turned = across[:, :, None] * heading.hats[:, None, :]
     return r, np.concatenate((J[:, :, places], turned, strays), axis=2)
 
 
@@ -239,7 +242,7 @@ def _strays(rows: FieldRows, model: Array) -> Array:
     """(N, 3, 5) residual by delay, by the lean, and by the earth's field level and down."""
     level = model - (model * rows.down).sum(axis=1)[:, None] * rows.down
     level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
-    leans = (np.cross(axis, model) for axis in np.eye(3)[:2])
+    leans = (cross(axis, model) for axis in np.eye(3)[:2])
     return np.stack((rows.slope_ut, *leans, -level, -rows.down), axis=2)
 
 

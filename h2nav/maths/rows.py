@@ -27,6 +27,12 @@ def product(p: Floats, q: Floats) -> Array:
     )
 
 
+def cross(a: Floats, b: Floats) -> Array:
+    """(N, 3) cross products of rows, with the bits of `np.cross`; a single row is broadcast."""
+    (p, q, r), (x, y, z) = a.T, b.T
+    return np.stack((q * z - r * y, r * x - p * z, p * y - q * x), axis=1)
+
+
 def from_euler(angles: Array) -> Array:
     """(N, 4) q_nb of (N, 3) roll, pitch, yaw, rad."""
     roll, pitch, yaw = angles.T

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.maths.rows import product
+from h2nav.maths.rows import cross, product
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack, Span
 from h2nav.reviews.flight import Estimates, Flight
@@ -118,8 +118,8 @@ def conjugate(q: Array) -> Array:
 def rotate(q: Array, v: Array) -> Array:
     """(N, 3) vectors turned by (N, 4) attitudes: body to NED."""
     axis = q[:, 1:]
-    twice = 2.0 * np.cross(axis, v)
-    turned: Array = v + q[:, :1] * twice + np.cross(axis, twice)
+    twice = 2.0 * cross(axis, v)
+    turned: Array = v + q[:, :1] * twice + cross(axis, twice)
     return turned
 
 

@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from h2nav.maths import columns, quaternion
+from h2nav.maths import columns, quaternion, rows
 
 TURNS = [
     *((0.0, 0.0, 0.0), (1e-9, 0.0, 0.0), (1.9e-4, 0.0, 0.0), (2.1e-4, 0.0, 0.0)),
@@ -50,3 +50,9 @@ def test_the_larger_is_chosen_as_in_python() -> None:
     nan = math.nan
     found = columns.larger(np.array([1.0, nan, 1.0, 0.0]), np.array([2.0, 1.0, nan, -0.0]))
     assert repr(found.tolist()) == repr([max(1.0, 2.0), max(nan, 1.0), max(1.0, nan), 0.0])
+
+
+def test_cross_products_of_rows_are_numpys() -> None:
+    a, b = np.random.default_rng(8).normal(size=(2, 200, 3))
+    assert np.array_equal(rows.cross(a, b), np.cross(a, b))
+    assert np.array_equal(rows.cross(a[0], b), np.cross(a[0], b))
