@@ -18,6 +18,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
+from h2nav.attitude.uneven_steps import UnevenSteps
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.ratios import InnovationRatios
@@ -117,6 +118,7 @@ class Lane:
         self._intake = Intake(messages, identity.autopilot, lends=lends)
         self._lent = LentField(self.imu)
         self._trust = LaneTrust(count)
+        self._uneven = UnevenSteps()
         self._bias = OwnBias()
         self._resting, self._gravity_m_s2 = RestForce(), GRAVITY_M_S2
         self._on_ground = False
@@ -362,11 +364,12 @@ class Lane:
         if self.timing.sampled(t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
             self._filter.use_delays(self.timing.delays)
             self._monitor.use_delays(self.timing.delays)
-        bias, known = self._bias, usable
+        even = self._uneven.as_even(usable, self.timing.period_s)
+        bias, known = self._bias, even
         if self._monitor.force_is_withheld:
-            known = usable._replace(f_b=NO_FORCE)
+            known = even._replace(f_b=NO_FORCE)
         elif bias.pushes:
-            known = bias.felt(usable)
+            known = bias.felt(even)
         try:
             filtered = (
                 bias.update(self._filter, known) if bias.differs else self._filter.update(known)
@@ -377,7 +380,10 @@ class Lane:
             return Step(usable, event=event, is_accused=is_accused)
         if self._on_ground:
             self._see_rest(usable, filtered)
-        self._filtered = filtered if filtered is None else self._checked(usable, filtered)
+        checked = filtered if filtered is None else self._checked(usable, filtered)
+        if even is not usable and checked is not None:
+            checked = _at_its_end(checked, usable)
+        self._filtered = checked
         return tuple.__new__(Step, (usable, self._filtered, event, is_accused))
 
     def _see_rest(self, sample: ImuSample, filtered: AttitudeEstimate | None) -> None:
@@ -503,6 +509,7 @@ class Lane:
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
+        self._uneven.restart()
         self._bias.forget_force()
         self._lent.restart()
         self.newest = self._filtered = None
@@ -562,3 +569,9 @@ def _usable(sample: ImuSample, use: Use, *, is_at_end: bool, has_field: bool) ->
     if use is Use.DOUBTED or is_at_end:
         sample = sample._replace(clipped=True)
     return sample if has_field else sample._replace(m_b_ut=None)
+
+
+def _at_its_end(estimate: AttitudeEstimate, sample: ImuSample) -> AttitudeEstimate:
+    """The estimate with the rate at the end of an uneven step, instead of that over the step."""
+    (x, y, z), (u, v, w) = sample.w_b, estimate.bias_b
+    return estimate._replace(w_b=(x - u, y - v, z - w))

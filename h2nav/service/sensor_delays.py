@@ -66,7 +66,8 @@ class SensorTiming:
         self._identity = identity
         self._filter_age_s: float | None = None
         self._newest_us: int | None = None
-        self._period_s: float | None = None
+        # usual time between samples; None while unknown
+        self.period_s: float | None = None
         self._shown: Ages | None = None  # of the latest sample itself
         self._ages: Ages | None = None  # as last used by `sampled`
         self._field_is_raw = False
@@ -74,7 +75,7 @@ class SensorTiming:
 
     def restart(self) -> None:
         """Restarts with the samples' time."""
-        self._newest_us = self._period_s = None
+        self._newest_us = self.period_s = None
         self.delays = SensorDelays()
 
     @property
@@ -122,7 +123,7 @@ class SensorTiming:
 
         Source: docs/filter.md Eq. (41).
         """
-        before_us, self._newest_us, period_s = self._newest_us, t_us, self._period_s
+        before_us, self._newest_us, period_s = self._newest_us, t_us, self.period_s
         if before_us is None:
             if period_s is None:
                 return False
@@ -134,7 +135,7 @@ class SensorTiming:
                 # A gap counts as two periods, so that it moves the mean little.
                 step_s = min(step_s, 2.0 * period_s)
                 period_s += (step_s - period_s) / PERIOD_SAMPLES
-            self._period_s = period_s
+            self.period_s = period_s
         if field_is_raw != self._field_is_raw or self._ages is None or ages is not self._shown:
             self._shown, self._field_is_raw = ages, field_is_raw
             self._ages = self.ages(field_is_raw=field_is_raw)

@@ -113,6 +113,13 @@ def test_loss(name):
     assert errors.yaw < calm.yaw + 1.0
 
 
+@pytest.mark.thorough
+def test_where_many_samples_are_lost_rates_are_of_their_steps():
+    """The rate at the end of a step that is longer than usual is not its mean: 0.8 deg."""
+    lossy = SimulatedFlight("aggressive", faults=("drop=0.3@0",)).run(30.0)
+    assert lossy.reference.table(skip_s=10.0).total < 0.7
+
+
 def test_the_imu_falling_silent_is_said_and_nothing_stale_is_sent():
     """8: no samples: `no_imu` after half a second, and no attitude goes out meanwhile."""
     flight = SimulatedFlight("rest", faults=("drop=1.0@5+3",)).run(12.0)
