@@ -392,10 +392,12 @@ class _Pair:
         return scale < constant and abs(self.shape.scale) * math.sqrt(_square(value)) < shown
 
     def _hear(self, t_us: int, left: Vec3) -> None:
-        """Learns a difference that stays, if sound sensors may have it."""
+        """Learns a difference that stays, if sound sensors may have it: not the mean of a scale."""
         assert self.raised_us is not None
         is_frozen = self.shape.is_frozen(0) or self.shape.is_frozen(1)
-        if t_us - self.raised_us < HEARING_US or is_frozen:
+        constant, scale = self.shape.unexplained()
+        is_zero = constant < EXPLAINED and constant < scale
+        if t_us - self.raised_us < HEARING_US or is_frozen or not is_zero:
             return
         biases = [row[0] + y for row, y in zip(self._rows, left, strict=True)]
         if math.hypot(*biases) < self._sheet.max_bias:

@@ -574,6 +574,8 @@ class Estimation:
         )
         turn, of_lane = worse.monitor.ratios.of_turn, lane.monitor.ratios.of_turn
         turns_apart = turn > 1.0 and of_lane < CLEARLY * turn
+        if not rates_agree and forces_agree:
+            return "its gyro is off"
         if not rates_agree or not (forces_agree or turns_apart):
             return _REASONS[SwitchCause.WORSE]
         tilt_rad, heading_rad = _apart(worse, lane)

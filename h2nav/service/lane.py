@@ -444,7 +444,8 @@ class Lane:
             doubt = self._monitor.fix(fix, self._bias.errors(self._filter.sensor_errors))
             if doubt is not None:
                 if doubt.correction is not None:
-                    self._bias.correct(doubt.correction)
+                    is_outvoted = InertialSensor.GYRO in self._verdict.wrong
+                    self._bias.correct(doubt.correction, is_outvoted=is_outvoted)
                 self._filter.doubt(doubt)
             if not self._monitor.velocity_is_false:
                 self._filter.use_velocity(fix)

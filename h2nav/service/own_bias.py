@@ -53,9 +53,15 @@ class OwnBias:
         """Notes by how much the gyro's zero has moved since it was known, rad/s."""
         self._known = [(t_ns, _plus(bias_b, moved)) for t_ns, bias_b in self._known]
 
-    def correct(self, found: SensorCorrection) -> None:
-        """Takes what gyro and accelerometer were found to be wrong by."""
-        self.shift(found.rate_b)
+    def correct(self, found: SensorCorrection, *, is_outvoted: bool = False) -> None:
+        """Takes what gyro and accelerometer were found to be wrong by.
+
+        Args:
+            is_outvoted: other IMUs show that its gyro is wrong; they show when it is right again,
+                and by how much its zero has moved then.
+        """
+        if not is_outvoted:
+            self.shift(found.rate_b)
         self._offset, self.differs = _plus(self._offset, found.rate_b), True
         self._set_force(_plus(self._found, found.force_b), self._resting)
 

@@ -231,6 +231,26 @@ def test_lines_that_alias_alike_on_all_axes_teach_no_turn():
     assert fly([Imu(1, force_fault=first), Imu(2, force_fault=second)], 250.0)[0] == []
 
 
+def test_of_a_scale_no_zero_is_learnt(monkeypatch):
+    """It circles: what a scale adds has a mean, which is gone when the scale is right again."""
+    swings, moved = rate, []
+    monkeypatch.setitem(globals(), "rate", lambda t_s: add(swings(t_s), (0.0, 0.0, 0.3)))
+
+    class Heard(Voting):
+        def look(self, *told):
+            found = super().look(*told)
+            moved.extend(found.values())
+            return found
+
+    def scaled_for_a_while(w, t_s):
+        return scaled(1.25 if t_s < FAULT_S + 60.0 else 1.0)(w, t_s)
+
+    imus = [Imu(1, gyro_fault=scaled_for_a_while), Imu(2)]
+    fly(imus, FAULT_S + 90.0, {0: Suspicion(turn=3.0), 1: Suspicion(0.1, 0.1)}, voting=Heard())
+    assert moved
+    assert max(math.hypot(*each) for each in moved) < 0.1 * DEG
+
+
 def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
     told, voting = fly([Imu(1, gyro_fault=off(0.0, 0.0, 5.0 * DEG)), Imu(2)], FAULT_S + 6.0)
     ((_, alarm),) = told
