@@ -18,7 +18,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorCorrection, SensorDoubt, Vec3
-from h2nav.integrity.correction import WindowErrors, attitude
+from h2nav.integrity.correction import WindowErrors, attitude, mixed
 from h2nav.integrity.likelihood import HypothesisFit, mean
 from h2nav.integrity.velocity_model import (
     FORCE,
@@ -26,11 +26,13 @@ from h2nav.integrity.velocity_model import (
     LAG,
     MIN_ROWS,
     RATE,
+    SCALE,
     TILT,
     Known,
     VelocityModel,
 )
-from h2nav.integrity.velocity_rows import VelocityRow, plus
+from h2nav.integrity.velocity_rows import Shift, VelocityRow, plus
+from h2nav.integrity.velocity_windows import Level
 from h2nav.maths.quaternion import Quat, conjugate, exp, log, multiply, rotate, tilt_and_heading
 from h2nav.maths.units import DEG
 
@@ -45,11 +47,12 @@ BROKEN_FORCE_M_S2 = 3.0
 BROKEN_RATE_RAD_S = 20.0 * DEG
 BROKEN_TILT_RAD = 30.0 * DEG  # and of an attitude that is wrong for whatever reason
 BROKEN = 3.0  # times a failure's rate
-JUMP_M_S = 10.0
+JUMPS_M_S = (2.0, 10.0)  # multipath and slow spoofing; another place
 RAMP_M_S2 = 2.0
 # Ages of a fault in rows, besides the whole window; of a jump the number of rows tried, those with
 # the largest residuals.
-ONSETS = (2, 3, 5, 8, 13, 20)
+ONSETS = (2, 3, 5, 8, 10, 13, 16, 20)
+NEARER = 4  # a beginning of this age is nearer than the next one to what is one row away
 JUMPS = 2
 # Rows behind a jump that show that the velocity did no more than jump.
 JUMP_ROWS = 3
@@ -78,8 +81,14 @@ MIN_SHARE = 1.0 / 9.0
 BREAK_ALIKE = 10.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
-# A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom.
+# A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom;
+# changes of its force have a kurtosis of 3 to 6.
 TAILS = 1.0
+SHIFT_TAILS = 6.0
+MIN_SHIFTS = 25  # fewer do not show what is usual
+# Shares of its first row that have passed when a broken accelerometer steps: what it then shows is
+# one constant, in all of the rest.
+PASSED = (0.0, 1.0 / 3.0, 2.0 / 3.0)
 # Largest effect of an unknown delay and antenna for a decision, in deviations of a velocity; and
 # how many deviations of theirs a difference has to be that they, which do not add up, cannot make.
 MAX_RECEIVER = 3.0
@@ -122,10 +131,18 @@ class Explained(NamedTuple):
     has_jumped: bool = False
     jumped_us: int = 0  # when the latest jump of the velocity began, if it is the best cause
     correction: SensorCorrection | None = None  # at the window's end, if a sensor is `probable`
+    # back to the attitude by the gyro, and to what was known of it, if only force or velocity can
+    # be false
+    carried: SensorCorrection | None = None
 
     def share(self, cause: Cause) -> float:
         """Probability of a cause."""
         return next((share for one, share in self.shares if one is cause), 0.0)
+
+    @property
+    def likeliest(self) -> Cause | None:
+        """The most probable cause; None: nothing is wrong."""
+        return max(self.shares, key=lambda one: one[1])[0] if self.shares else None
 
     @property
     def is_contradiction(self) -> bool:
@@ -152,7 +169,7 @@ class Explained(NamedTuple):
         by the gyro, and right. What is taken for a gyro's error turns the attitude.
         """
         decided = self.decided
-        if decided in (Cause.GYRO, Cause.ACCELEROMETER):
+        if decided in OWN_SENSORS:
             return decided
         is_probable = self.share(Cause.ACCELEROMETER) > PROBABLY
         if self.is_contradiction and self.is_seen and is_probable and self.is_force_or_velocity:
@@ -166,6 +183,7 @@ class Explained(NamedTuple):
 
 
 NOTHING = Explained()
+OWN_SENSORS = (Cause.GYRO, Cause.ACCELEROMETER)
 
 
 def doubt_of(found: Explained) -> SensorDoubt | None:
@@ -193,7 +211,10 @@ def doubt_of(found: Explained) -> SensorDoubt | None:
 
 
 def explain(
-    rows: Sequence[VelocityRow], known: Known, cleared: Collection[Cause] = ()
+    rows: Sequence[VelocityRow],
+    known: Known,
+    cleared: Collection[Cause] = (),
+    unseen_rad: float = math.inf,
 ) -> Explained:
     """Compares the causes over a window.
 
@@ -201,10 +222,12 @@ def explain(
         rows: of the window, in order.
         known: at its end.
         cleared: sensors that show the same as those of other IMUs.
+        unseen_rad: a gyro that may turn the attitude by more within the window shows nothing.
     """
     if len(rows) < MIN_ROWS:
         return NOTHING
-    return _Comparison(rows, known, cleared).explained()
+    comparison = _Comparison(rows, known, cleared)
+    return comparison.explained() if comparison.unseen_rad < unseen_rad else NOTHING
 
 
 class _Variant(NamedTuple):
@@ -217,10 +240,16 @@ class _Variant(NamedTuple):
     drifts: bool = False  # its own unknowns begin with a drift of the velocity north and east
     breaks: bool = False  # larger than a board's temperature, supply or shocks make it
     motion: float = 0.0  # logarithm of how likely the vehicle moves as it then would
+    stepping: float = 0.0  # and of how likely its force steps as it does
 
     @property
     def likelihood(self) -> float:
         """Of the measurements and the motion, as a logarithm."""
+        return self.shown + self.stepping
+
+    @property
+    def shown(self) -> float:
+        """The same without what a step of the force adds: a manoeuvre that begins has one, too."""
         return self.fit.likelihood + self.motion
 
 
@@ -236,6 +265,12 @@ class _Comparison:
         self._columns, self._sound = window.columns, window.sigmas
         self._model = window.with_noise(window.force_density)
         self._moves: dict[int, tuple[float, float]] = {}  # since a row
+        self._usual_shift_m_s2 = _usual_shift(known.shifts)
+
+    @property
+    def unseen_rad(self) -> float:
+        """Deviation of a turn of the window if nothing is wrong."""
+        return max(self._sound[RATE:SCALE]) * sum(self._window.lengths_s)
 
     def explained(self) -> Explained:
         """The result."""
@@ -251,7 +286,10 @@ class _Comparison:
         for begun in self._onsets():
             variants += self._from_row(begun, bases)
         jumps = [one for row in self._jumps(none) for one in self._jump(row, bases)]
-        variants = [_Variant(*one[:-1], self._motion(one)) for one in variants] + jumps
+        variants = [
+            one._replace(motion=self._motion(one), stepping=self._stepping(one)) for one in variants
+        ]
+        variants += jumps
         if self._cleared and self._shaken <= SHAKING_DENSITY:
             variants = [self._seen_by_another(one) for one in variants]
         odds: dict[Cause, float] = {
@@ -259,14 +297,35 @@ class _Comparison:
             for cause in Cause
             if cause is not Cause.VIBRATION
         }
-        odds[Cause.VIBRATION] = self._vibration()
+        odds[Cause.VIBRATION] = self._vibration() + math.log(self._window.hidden_share)
         if self._shaken > SHAKING_DENSITY:
             # What is hidden from the force looks like a false velocity, to every IMU.
             odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
-        if self._rows[0].begun.moment.sigma_heading_rad > KNOWN_HEADING_RAD:
-            # An almost unknown heading can imitate any false velocity.
+        if self._is_any_heading(variants):
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
-        return self._decided(none.likelihood, odds, variants)
+        return self._decided(none.likelihood + self._by_step(odds, variants), odds, variants)
+
+    @staticmethod
+    def _by_step(odds: dict[Cause, float], variants: Sequence[_Variant]) -> float:
+        """By how much the best cause is better only for a step of the force.
+
+        That says which cause it is; that there is one is for the velocities to show.
+        """
+        mine = [one.shown for one in variants if one.cause is Cause.ACCELEROMETER]
+        accelerometer = min(odds[Cause.ACCELEROMETER], mean(mine))
+        return max(odds.values()) - max((odds | {Cause.ACCELEROMETER: accelerometer}).values())
+
+    def _is_any_heading(self, variants: Sequence[_Variant]) -> bool:
+        """Whether the heading is so unknown that it can imitate the false velocity.
+
+        It turns a change of velocity, and keeps its size.
+        """
+        if self._rows[0].begun.moment.sigma_heading_rad < KNOWN_HEADING_RAD:
+            return False
+        false = _likeliest([one for one in variants if one.cause is Cause.VELOCITY])
+        measured, felt = (math.hypot(*change) for change in self._changes_since(false.begun))
+        noise_m_s = MISFIT_SIGMAS * math.sqrt(2.0) * self._window.noise_m_s
+        return abs(measured - felt) < SAME_SIZE * max(measured, felt) + noise_m_s
 
     def _decided(
         self, none: float, odds: dict[Cause, float], variants: Sequence[_Variant]
@@ -281,7 +340,7 @@ class _Comparison:
         if mine:
             likeliest = _likeliest(mine)
             is_seen = self._is_beyond_receiver(winner) and self._is_seen(mine)
-            is_seen = is_seen and not self._leaves(likeliest)
+            is_seen = is_seen and not (self._leaves(likeliest) or self._may_lag(likeliest))
             is_jump = winner is Cause.VELOCITY and not likeliest.drifts
             has_jumped = is_jump and len(self._rows) - likeliest.begun > JUMP_ROWS
             if is_jump:
@@ -323,16 +382,31 @@ class _Comparison:
                 own = likeliest.fit.unknowns()[-likeliest.own :]
                 drift = weight * math.hypot(*own[:2])
         found = found._replace(tilt_rad=max(tilts), heading_rad=max(headings), drift_m_s2=drift)
-        wrong = found.probable
-        if wrong is None or self._shaken > SHAKING_DENSITY:
+        if self._shaken > SHAKING_DENSITY or not found.is_contradiction:
             return found
-        likeliest = _likeliest_of(wrong, variants)
-        errors, attitude_n = self._errors(likeliest), attitude(self._known.moment)
-        correction = errors.correction(rotate(conjugate(attitude_n), (0.0, 0.0, 1.0)))
-        rate_b, force_b = self._biases(errors)
-        turn_n = log(self._turn(errors))
-        correction = correction._replace(rate_b=rate_b, force_b=force_b, turn_n=turn_n)
+        if found.is_force_or_velocity:
+            mine = [one for one in variants if one.cause is Cause.VELOCITY]
+            found = found._replace(carried=self._correction(mine))
+        wrong = found.probable
+        if wrong is None:
+            return found
+        correction = self._correction([one for one in variants if one.cause is wrong])
         return found._replace(correction=correction)
+
+    def _correction(self, mine: Sequence[_Variant]) -> SensorCorrection:
+        """Of the filter's present knowledge, by a cause whatever its beginning."""
+        best = _likeliest(mine).likelihood
+        weights = [math.exp(one.likelihood - best) for one in mine]
+        possible = [(w, one) for w, one in zip(weights, mine, strict=True) if w * SUSPECTED > 1.0]
+        down_b = rotate(conjugate(attitude(self._known.moment)), (0.0, 0.0, 1.0))
+        found = []
+        for _, one in possible:
+            errors = self._errors(one)
+            correction = errors.correction(down_b)
+            rate_b, force_b = self._biases(errors)
+            turn_n = log(self._turn(errors))
+            found.append(correction._replace(rate_b=rate_b, force_b=force_b, turn_n=turn_n))
+        return mixed([weight for weight, _ in possible], found)
 
     def _errors(self, one: _Variant) -> WindowErrors:
         """The errors of attitude and sensors by a cause."""
@@ -371,20 +445,49 @@ class _Comparison:
 
     def _moves_since(self, begun: int) -> tuple[float, float]:
         """Logarithms of how likely the acceleration is since a row, by velocity and by force."""
-        left, count = self._columns.left, len(self._rows)
-        measured, felt = [0.0, 0.0], [0.0, 0.0]
-        for i in range(begun, count):
-            begun_n, ended_n = self._rows[i].begun.v_n, self._rows[i].ended.v_n
-            for axis in (0, 1):
-                change = ended_n[axis] - begun_n[axis]
-                measured[axis] += change
-                felt[axis] += change - left[i + axis * count]
         usual = self._known.usual_m_s2 * sum(self._window.lengths_s[begun:])
         by_velocity, by_force = (
             -0.5 * (TAILS + 2.0) * math.log1p((x * x + y * y) / (TAILS * usual * usual))
-            for x, y in (measured, felt)
+            for x, y in self._changes_since(begun)
         )
         return by_velocity, by_force
+
+    def _changes_since(self, begun: int) -> tuple[Level, Level]:
+        """The change of velocity since a row, as measured and as felt."""
+        left, count = self._columns.left, len(self._rows)
+        first, last = self._rows[begun].begun.v_n, self._rows[-1].ended.v_n
+        north, east = last[0] - first[0], last[1] - first[1]
+        missing = sum(left[begun:count]), sum(left[count + begun :])
+        return (north, east), (north - missing[0], east - missing[1])
+
+    def _stepping(self, one: _Variant) -> float:
+        """Logarithm of how likely the force steps as it does if this is the cause.
+
+        An accelerometer that fails within the window shows that itself, whatever the velocity does.
+        Only the difference to a cause without a step counts. Source: docs/integrity.md Eq. (11).
+        """
+        usual = self._usual_shift_m_s2
+        if one.cause is not Cause.ACCELEROMETER or not one.own or not math.isfinite(usual):
+            return 0.0
+        x, y = one.fit.unknowns()[-one.own :]
+        count = len(one.fit.forward)
+        (of_x, _), (_, of_y) = one.fit.covariance((count - 2, count - 1))
+        square = usual * usual
+        known = square + 0.5 * (of_x + of_y)
+        # A beginning stands for those nearer to it than to the next one that is tried.
+        rows, near = self._rows, (len(self._rows) - one.begun) // NEARER
+        first_us = rows[max(one.begun - near, 0)].begun.moment.t_us
+        last_us = rows[min(one.begun + near, len(rows) - 1)].ended.moment.t_us
+        ratios = [
+            math.log1p((u * u + v * v) / (SHIFT_TAILS * square))
+            - math.log1p(((u - x) ** 2 + (v - y) ** 2) / (SHIFT_TAILS * known))
+            for t_us, u, v in self._known.shifts
+            if first_us <= t_us < last_us
+        ]
+        if not ratios:
+            return 0.0
+        half = 0.5 * (SHIFT_TAILS + 2.0)
+        return mean([half * ratio for ratio in ratios]) + math.log(square / known)
 
     def _is_beyond_receiver(self, cause: Cause) -> bool:
         """Whether delay and antenna, unknown and together more than either, are not the cause.
@@ -417,6 +520,14 @@ class _Comparison:
         """
         is_jump = one.cause is Cause.VELOCITY and not one.drifts
         return is_jump and len(self._rows) - one.begun > max(ONSETS)
+
+    def _may_lag(self, one: _Variant) -> bool:
+        """Whether it is a jump that a manoeuvre makes of fixes that are late by its row."""
+        if one.cause is not Cause.VELOCITY or one.drifts:
+            return False
+        row = self._rows[one.begun]
+        fastest_m_s2 = max(math.hypot(*row.begun.accel_n), math.hypot(*row.ended.accel_n))
+        return math.hypot(*one.fit.unknowns()[-one.own :]) < fastest_m_s2 * row.length_s
 
     def _onsets(self) -> list[int]:
         """Rows at which a fault may begin."""
@@ -454,45 +565,49 @@ class _Comparison:
         late = [self._later(LAG + j, begun) for j in (0, 1)]
         for shape, first in zip(late, self._rows[begun].began_late, strict=True):
             shape[0], shape[count] = first
-        # Of a force that begins within a row, the rest of that row has too much.
-        partly = [self._first(FORCE + j, begun) for j in (0, 1)]
+        stepped = [self._stepped(FORCE + j, begun, passed) for passed in PASSED for j in (0, 1)]
         since = self._model.since(
             begun,
             [
                 *(self._columns.from_row(begun, j) for j in range(3)),
-                *(self._later(FORCE + j, begun) for j in (0, 1)),
+                *stepped,
                 *self._ramps(count),
                 *_jumps(count),
                 *late,
-                *partly,
             ],
         )
+        drift, jump, lag = ((at, at + 1) for at in range(9, 15, 2))
         return [
             _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), FAILED_RATE_RAD_S), 3, begun),
             _Variant(
                 Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3, begun, breaks=True
             ),
             _Variant(Cause.ACCELEROMETER, since.fit(none, (3, 4), FAILED_FORCE_M_S2), 2, begun),
-            _Variant(
-                Cause.ACCELEROMETER,
-                since.fit(none, (11, 12, 3, 4), BROKEN_FORCE_M_S2),
-                2,
-                begun,
-                breaks=True,
+            *(
+                _Variant(
+                    Cause.ACCELEROMETER,
+                    since.fit(none, (at, at + 1), BROKEN_FORCE_M_S2),
+                    2,
+                    begun,
+                    breaks=True,
+                )
+                for at in range(3, 3 + len(stepped), 2)
             ),
-            _Variant(Cause.VELOCITY, since.fit(none, (5, 6), RAMP_M_S2), 2, begun, drifts=True),
-            _Variant(Cause.VELOCITY, since.fit(bent, (5, 6), RAMP_M_S2), 2, begun, drifts=True),
+            _Variant(Cause.VELOCITY, since.fit(none, drift, RAMP_M_S2), 2, begun, drifts=True),
+            _Variant(Cause.VELOCITY, since.fit(bent, drift, RAMP_M_S2), 2, begun, drifts=True),
             _Variant(
-                Cause.VELOCITY, since.fit(none, (5, 6, 7, 8), RAMP_M_S2), 4, begun, drifts=True
+                Cause.VELOCITY, since.fit(none, drift + jump, RAMP_M_S2), 4, begun, drifts=True
             ),
-            _Variant(Cause.LATENCY, since.fit(none, (9, 10), FAILED_LAG_S), 2, begun),
+            _Variant(Cause.LATENCY, since.fit(none, lag, FAILED_LAG_S), 2, begun),
         ]
 
     def _jump(self, row: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
         """A jump of the velocity in a row."""
         since = self._model.since(row, _jumps(len(self._rows) - row))
         return [
-            _Variant(Cause.VELOCITY, since.fit(base, (0, 1), JUMP_M_S), 2, row) for base in bases
+            _Variant(Cause.VELOCITY, since.fit(base, (0, 1), size_m_s), 2, row)
+            for base in bases
+            for size_m_s in JUMPS_M_S
         ]
 
     def _jumps(self, none: HypothesisFit) -> list[int]:
@@ -505,11 +620,12 @@ class _Comparison:
         column, count = self._columns.of[j], len(self._rows)
         return [*column[begun:count], *column[count + begun :]]
 
-    def _first(self, j: int, begun: int) -> list[float]:
-        """The column of an unknown, in one row only, from there on."""
-        column, count = self._columns.of[j], len(self._rows)
-        rest = [0.0] * (count - begun - 1)
-        return [column[begun], *rest, column[count + begun], *rest]
+    def _stepped(self, j: int, begun: int, passed: float) -> list[float]:
+        """The column of an unknown from within a row on, of which a share has passed before."""
+        shape = self._later(j, begun)
+        for first in (0, len(shape) // 2):
+            shape[first] *= 1.0 - passed
+        return shape
 
     def _ramps(self, count: int) -> list[list[float]]:
         """Columns of a drift north and of one east, over the last rows."""
@@ -536,6 +652,14 @@ class _Comparison:
         return rate_b, (u - a, v - b, 0.0)
 
 
+def _usual_shift(shifts: Sequence[Shift]) -> float:
+    """Of the force across a row, rms per axis; infinite while too little is known."""
+    if len(shifts) < MIN_SHIFTS:
+        return math.inf
+    squares = sum(u * u + v * v for _, u, v in shifts)
+    return math.sqrt(squares / (2.0 * len(shifts)))
+
+
 def _likeliest(variants: Sequence[_Variant]) -> _Variant:
     return max(variants, key=lambda one: one.likelihood)
 
@@ -546,7 +670,7 @@ def _likeliest_of(cause: Cause, variants: Sequence[_Variant]) -> _Variant:
 
 def _has_begun(mine: Sequence[_Variant]) -> bool:
     """Whether a sensor's fault certainly began in the window; of other causes it need not."""
-    if mine[0].cause not in (Cause.GYRO, Cause.ACCELEROMETER):
+    if mine[0].cause not in OWN_SENSORS:
         return True
     begun, constant = (
         max((one.likelihood for one in mine if (one.own > 0) is own), default=-math.inf)

@@ -116,6 +116,28 @@ class WindowErrors:
         )
 
 
+def mixed(weights: Sequence[float], found: Sequence[SensorCorrection]) -> SensorCorrection:
+    """One correction for several that are possible: their mean, and by how much they differ.
+
+    Args:
+        weights: how likely each is, up to a factor.
+
+    Source: docs/integrity.md Eq. (10).
+    """
+    shares = [weight / sum(weights) for weight in weights]
+    rate_b, rates = _spread(shares, [one.rate_b for one in found])
+    force_b, forces = _spread(shares, [one.force_b for one in found])
+    turn_n, (north, east, down) = _spread(shares, [one.turn_n for one in found])
+    x, y, z = _deviations(shares, [one.rate_sigma_b for one in found], rates)
+    a, b = _deviations(shares, [one.force_sigma_b for one in found], forces[:2])
+    tilt, heading = _deviations(
+        shares,
+        [(one.tilt_sigma_rad, one.heading_sigma_rad) for one in found],
+        (north + east, down),
+    )
+    return SensorCorrection(rate_b, force_b, turn_n, (x, y, z), (a, b), tilt, heading)
+
+
 def advanced(found: SensorCorrection, then: Moment, now: Moment) -> SensorCorrection:
     """The correction at a later moment, to which the gyro has gone on with its error."""
     rate_b = plus(plus(found.rate_b, 1.0, then.bias_b), -1.0, now.bias_b)
@@ -137,6 +159,25 @@ def _ones(count: int, rows: int, *firsts: int) -> list[list[float]]:
         for first in firsts:
             row[first + i] = 1.0
     return found
+
+
+def _spread(shares: Sequence[float], vectors: Sequence[Vec3]) -> tuple[Vec3, Vec3]:
+    """Mean and variances of vectors that are possible with these shares."""
+    x, y, z = _sums([*zip(*vectors, strict=True)], shares)
+    off = [plus(vector, -1.0, (x, y, z)) for vector in vectors]
+    u, v, w = _squares(shares, off)
+    return (x, y, z), (u, v, w)
+
+
+def _deviations(shares: Sequence[float], sigmas: Rows, apart: Sequence[float]) -> list[float]:
+    """Deviations of what is possible with these shares, and apart by these variances."""
+    within = _squares(shares, sigmas)
+    return [math.sqrt(one + other) for one, other in zip(within, apart, strict=True)]
+
+
+def _squares(shares: Sequence[float], vectors: Rows) -> list[float]:
+    """Mean squares of their parts."""
+    return _sums([[x * x for x in parts] for parts in zip(*vectors, strict=True)], shares)
 
 
 def _sums(rows: Rows, numbers: Sequence[float]) -> list[float]:

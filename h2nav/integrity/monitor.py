@@ -25,6 +25,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
+from h2nav.integrity.bent import BentAttitude
 from h2nav.integrity.cause_alarms import cause_alarm
 from h2nav.integrity.causes import (
     NOTHING,
@@ -54,6 +55,8 @@ from h2nav.integrity.lasting import Lasting
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.receiver import LearntReceiver
 from h2nav.integrity.sensor_checks import Use, is_bad, sensor_alarms, use_of
+from h2nav.integrity.slow_drift import LENGTH_S as DRIFT_S
+from h2nav.integrity.slow_drift import SlowDrift
 from h2nav.integrity.strapdown import Strapdown
 from h2nav.integrity.velocity_model import Known
 from h2nav.integrity.velocity_refusal import HARMLESS_RAD, REFUSED_US, SURE_S, VelocityRefusal
@@ -62,6 +65,7 @@ from h2nav.integrity.velocity_windows import (
     GATE,
     LENGTHS_S,
     LONG_S,
+    Mark,
     VelocityWindows,
     Window,
     change_of_velocity,
@@ -93,9 +97,6 @@ GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
 JUDGED_S = 1e-6 * JUDGED_US
 FORCE_SHARE = JUDGED_S / LONG_S
-# An attitude bent by our own sensor judges no compass whose field has the earth's size, for this
-# long after the last decision against the sensor.
-BENT_US = 60_000_000
 # Beyond this, an error is no longer called a tilt.
 MAX_TILT_DEG = 90.0
 # To be the cause of a contradiction to gravity, the accelerometer's size must explain this much;
@@ -168,13 +169,14 @@ class Monitor:
         self._windows: list[Window] = []
         self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
-        self._rows = VelocityRows()
+        self._rows, self._slow = VelocityRows(), SlowDrift()
         self._receiver = LearntReceiver()
         self._explained, self._explained_us = NOTHING, 0
         # since when force and velocity are withheld
         self._withheld_us: int | None = None
+        self._carried_us = 0  # when the attitude was last set back to that by the gyro
         self._corrected = CorrectedSensor()
-        self._bent_us: int | None = None  # when a sensor of ours was last decided to be wrong
+        self._bent = BentAttitude()
         self._suspected_us: int | None = None
         self._contradicted_us: int | None = None
         self._refusal = VelocityRefusal()
@@ -268,7 +270,7 @@ class Monitor:
             self._field.restart()
         if bits & BEGUN:
             self._velocity.restart()
-            self._rows.restart()
+            self._restart_rows()
             self.ratios = InnovationRatios()
         if bits & ROW:
             self._field.end_row()
@@ -323,17 +325,12 @@ class Monitor:
         mark = self._velocity.marks[-1]
         rows, known = self._rows, None
         if rows.take(mark, errors):
-            known = Known(
-                errors,
-                mark.moment,
-                rows.jitter_m_s,
-                self._receiver.errors,
-                rows.force_density,
-                rows.usual_m_s2,
-            )
+            known = self._known(mark, errors, rows)
+        self._follow_slowly(t_us, mark, errors)
         self._hear_velocity(t_us, None)
         doubt = None
-        if not self._began_settled(t_us) or not self.ratios.of_velocity > SUSPICIOUS_RATIO:
+        is_quiet = not self.ratios.of_velocity > SUSPICIOUS_RATIO
+        if not self._began_settled(t_us) or (is_quiet and not self._slow.found.is_suspicious):
             self._forget_cause()
         elif known is not None and t_us - self._explained_us >= self._spacing_us(t_us):
             doubt = self._search(t_us, known)
@@ -344,7 +341,7 @@ class Monitor:
         if known is not None and not is_new and self._receiver.learn(rows.rows, known):
             # Earlier velocities were corrected otherwise.
             self._velocity.restart()
-            self._rows.restart()
+            self._restart_rows()
             self._forget_cause()
             return None
         return doubt
@@ -355,10 +352,37 @@ class Monitor:
         begun_us = rows[0].begun.moment.t_us if rows else t_us
         return not self._unsettled_from_us <= begun_us <= self._unsettled_us
 
+    def _known(self, mark: Mark, errors: SensorErrors, rows: VelocityRows) -> Known:
+        """What is known at the end of a window."""
+        return Known(
+            errors,
+            mark.moment,
+            rows.jitter_m_s,
+            self._receiver.errors,
+            rows.force_density,
+            rows.usual_m_s2,
+            self._rows.shifts,
+            1e-6 * self._period_us,
+        )
+
+    def _restart_rows(self) -> None:
+        """Restarts them with the strapdown, or with other velocities."""
+        self._rows.restart()
+        self._slow.restart()
+
+    def _follow_slowly(self, t_us: int, mark: Mark, errors: SensorErrors) -> None:
+        """Looks for a slow drift, with a tilt that has been settled for the whole window."""
+        if self._vehicle.on_ground is True:
+            # What touches the ground is pushed by it, by blows that samples miss.
+            self._slow.restart()
+        elif self._slow.take(mark, errors) and t_us - self._unsettled_us > 1e6 * DRIFT_S:
+            self._slow.search(self._known(mark, errors, self._slow.rows), self._cleared)
+
     def _search(self, t_us: int, known: Known) -> SensorDoubt | None:
         """Compares the causes; returns a doubt for the filter."""
         self._explained_us = t_us
-        found = self._explained = explain(self._rows.rows, known, self._cleared)
+        found, rows = self._explanation(known)
+        self._explained = found
         self._note_drift(t_us, found)
         if found.is_contradiction and self._contradicted_us is None:
             self._contradicted_us = t_us
@@ -369,23 +393,33 @@ class Monitor:
         is_back = self._refusal.comes_back(t_us, found)
         if is_back:
             self._decisions.pop(Cause.VELOCITY, None)
-        elif found.decided is not None and not self._may_be_aliased(found):
+        elif found.decided is not None and not self._is_excused(found, rows.begun_us):
             self._decisions[found.decided] += 1
-            if found.decided in (Cause.GYRO, Cause.ACCELEROMETER):
-                self._bent_us = t_us
+            self._bent.decide(found.decided, t_us)
             self._shown[found.decided] = found
         if not is_back:
             if found.share(Cause.VELOCITY) * SUSPECTED > 1.0 and self._is_told(t_us):
                 self._refusal.suspect(t_us)
             self._hear_velocity(t_us, found)
         self._withhold(t_us, found, is_back)
-        if self.velocity_is_false:
-            return None
-        correction = self._correct(t_us, found, known)
+        correction = None if self.velocity_is_false else self._correct(t_us, found, known, rows)
+        correction = correction or self._carry(t_us, found, known)
         if correction is not None:
             return SensorDoubt(correction=correction)
+        if self.velocity_is_false:
+            return None
         is_new = found.decided is None and t_us - self._suspected_us < SUSPECTED_US
         return None if is_new or self.force_is_withheld else doubt_of(found)
+
+    def _explanation(self, known: Known) -> tuple[Explained, VelocityRows]:
+        """That of the short window, or of the long one, with its rows."""
+        found = explain(self._rows.rows, known, self._cleared)
+        if found.decided is not None:
+            # It need not be explained again for as long as a slow window shows it.
+            self._slow.restart()
+        elif not found.is_suspicious:
+            return self._slow.found, self._slow.rows
+        return found, self._rows
 
     def _withhold(self, t_us: int, found: Explained, is_back: bool) -> None:
         """Begins to withhold force and velocity, or ends it: a velocity that is back is right."""
@@ -402,7 +436,30 @@ class Monitor:
             return False
         return now_us - since_us < WITHHELD_US
 
-    def _correct(self, t_us: int, found: Explained, known: Known) -> SensorCorrection | None:
+    def _carry(self, t_us: int, found: Explained, known: Known) -> SensorCorrection | None:
+        """Back to the gyro's attitude once the velocity is refused, or withheld with the force.
+
+        What has been learnt from either since it is false would turn the attitude further.
+        """
+        since_us, now = self._refusal.since_us, self._strapdown.newest
+        if since_us is None and self._is_told(t_us):
+            since_us = self._withheld_us
+        if since_us is None or self._carried_us >= since_us or now is None:
+            return None
+        if found.carried is None or found.carried.tilt_sigma_rad > LINEAR_RAD:
+            return None
+        self._carried_us = t_us
+        correction = advanced(found.carried, known.moment, now)
+        self._tilt_rad = correction.tilt_sigma_rad
+        # Neither of both holds the heading.
+        north, east, _ = correction.turn_n
+        return correction._replace(
+            turn_n=(north, east, 0.0), heading_sigma_rad=now.sigma_heading_rad
+        )
+
+    def _correct(
+        self, t_us: int, found: Explained, known: Known, rows: VelocityRows
+    ) -> SensorCorrection | None:
         """What the filter has to take off a sensor that has lastingly been decided to be wrong.
 
         Everything is measured anew behind it: earlier windows contain the error.
@@ -420,7 +477,8 @@ class Monitor:
             return None
         correction = advanced(found.correction, known.moment, now)
         since_us = self._contradicted_us or t_us
-        self._corrected.take(cause, found, correction, self._rows.rows[0], since_us)
+        self._corrected.take(cause, found, correction, rows.rows[0], since_us)
+        self._bent.correct(t_us)
         self.restart()
         self._tilt_rad = correction.tilt_sigma_rad
         self._heading_rad = correction.heading_sigma_rad
@@ -447,6 +505,7 @@ class Monitor:
     def _forget_cause(self) -> None:
         self._refusal.forget_contradiction()
         self._explained = NOTHING
+        self._slow.forget()
         self._suspected_us = self._contradicted_us = self._withheld_us = None
         self._decisions.clear()
         self._shown.clear()
@@ -460,6 +519,12 @@ class Monitor:
         if cause in self._cleared:
             return None
         return cause if cause is not Cause.VELOCITY or self.velocity_is_false else None
+
+    def _is_excused(self, found: Explained, begun_us: int) -> bool:
+        """Whether a decision against a sensor may be vibration, or what another one has bent."""
+        cause = found.decided
+        is_bent = cause is not None and self._bent.excuses(cause, begun_us)
+        return is_bent or self._may_be_aliased(found)
 
     def _may_be_aliased(self, found: Explained) -> bool:
         """Whether vibration between slow samples may look like the fault of a sensor."""
@@ -506,7 +571,7 @@ class Monitor:
         """Forgets integrals; faults stay until they are seen to be resolved."""
         self._strapdown.restart()
         self._velocity.restart()
-        self._rows.restart()
+        self._restart_rows()
         self._field.restart()
         self._windows = []
         self._forget_cause()
@@ -556,8 +621,8 @@ class Monitor:
         now_us = self._strapdown.t_us
         if self.velocity_is_known_false or now_us is None:
             return self.velocity_is_known_false
-        recent = ((self._drifted_us, REFUSED_US), (self._bent_us, BENT_US))
-        return any(t_us is not None and now_us - t_us < for_us for t_us, for_us in recent)
+        has_drifted = self._drifted_us is not None and now_us - self._drifted_us < REFUSED_US
+        return has_drifted or self._bent.is_bent(now_us)
 
     def _hear_velocity(self, t_us: int, found: Explained | None) -> None:
         """Begins to refuse the velocity, or ends it.
@@ -579,12 +644,14 @@ class Monitor:
     def _is_contradicted_by_velocity(self, t_us: int, found: Explained | None) -> bool:
         """Whether a false velocity is the cause, or so probably that it is safer not to use it."""
         since_us = self._contradicted_us
-        if found is None or since_us is None:
+        # What an earlier window decided counts while this one, which has seen more, agrees.
+        if found is None or since_us is None or found.likeliest is not Cause.VELOCITY:
             return False
         has_jumped = found.has_jumped and found.decided is Cause.VELOCITY
         if t_us - since_us < BLAME_US and not has_jumped:
             return False
-        if self.vibration_m_s2 > RECTIFIED_M_S2:
+        is_shaken = self.vibration_m_s2 > RECTIFIED_M_S2
+        if is_shaken or self._bent.is_shaken(t_us):
             return False
         if self._decisions and self._decisions.most_common(1)[0][0] is Cause.VELOCITY:
             return True
@@ -656,9 +723,7 @@ class Monitor:
 
     def _is_bent(self, t_us: int) -> bool:
         """Whether an attitude bent by our own sensor explains a field of the right size."""
-        if self._bent_us is None or t_us - self._bent_us > BENT_US:
-            return False
-        return self._field.has_norm
+        return self._bent.is_bent(t_us) and self._field.has_norm
 
     def _cause_alarms(self, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
         """The cause of a lasting contradiction; undecided once only."""

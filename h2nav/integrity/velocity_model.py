@@ -10,7 +10,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import SensorErrors
 from h2nav.integrity.likelihood import HypothesisFit, LinearModel
 from h2nav.integrity.strapdown import Moment
-from h2nav.integrity.velocity_rows import LENGTH_S, VelocityColumns, VelocityRow, columns
+from h2nav.integrity.velocity_rows import LENGTH_S, Shift, VelocityColumns, VelocityRow, columns
 from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA, UNKNOWN, ReceiverErrors
 
 # Windows of fewer rows are not looked at.
@@ -37,6 +37,8 @@ class Known(NamedTuple):
     receiver: ReceiverErrors = UNKNOWN  # what is not known of delay and antenna
     force_density: float = math.inf  # the most that the velocities allow, squared, m^2/s^3
     usual_m_s2: float = math.inf  # horizontal acceleration before the window, rms
+    shifts: Sequence[Shift] = ()  # of the force, the latest ones
+    period_s: float = 0.01  # of the samples
 
 
 class VelocityModel:
@@ -53,6 +55,7 @@ class VelocityModel:
         force_density: of the noise of the force, squared, m^2/s^3.
         shaken_density: of what its single samples show, likewise.
         noise_m_s: of single velocities.
+        hidden_share: of vibrations that do not show in single samples.
     """
 
     def __init__(self, rows: Sequence[VelocityRow], known: Known) -> None:
@@ -68,6 +71,9 @@ class VelocityModel:
         stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
         self._wander = WANDERS * WANDERS * stated / LENGTH_S
         self.noise_m_s = max(NOISE_M_S, known.jitter_m_s)
+        # Vibration shows in the scatter of the samples unless its frequency is as near to a
+        # multiple of their rate as a row can tell from a constant.
+        self.hidden_share = min(2.0 * known.period_s * len(rows) / length_s, 1.0)
         self.columns: VelocityColumns = columns(rows)
         self.sigmas = _sigmas(rows[0], known.receiver, length_s, rate_density)
 

@@ -21,7 +21,7 @@ from h2nav.attitude.samples import SensorErrors, Vec3
 from h2nav.integrity import composition
 from h2nav.integrity.composition import BENT, COLUMNS, TURNED, TURNS, VECTORS, vectors
 from h2nav.integrity.velocity_windows import STALE_US, Level, Mark
-from h2nav.maths.quaternion import Quat, conjugate, multiply, rotate
+from h2nav.maths.quaternion import Quat, conjugate, log, multiply, rotate, turned
 
 # Velocities closer in time share the receiver's error.
 ROW_S = 0.35
@@ -33,6 +33,8 @@ SELDOM = 3.0
 UNKNOWN_ACCEL_M_S2 = 3.0
 CALM_ACCEL_M_S2 = 0.3
 USUAL_S = 20.0
+# How long a change of the force counts for what is usual.
+SHIFTS_S = 60.0
 # Fewer second differences (two a mark) say nothing of a noise.
 MIN_BENDS = 10
 # Meanwhile an acceleration changes so much that a delay looks like noise.
@@ -44,7 +46,7 @@ NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
 
 class VelocityRow(NamedTuple):
-    """The time between two marks, ROW_S or more apart; vectors in axes s."""
+    """The time between two marks of a least distance; vectors in axes s."""
 
     begun: Mark  # the mark at its beginning
     ended: Mark  # the mark at its end
@@ -55,6 +57,15 @@ class VelocityRow(NamedTuple):
     # per unit; BENT, the effect of these turns on the gained velocity, per the same units;
     # PUSHED, minus the integral of the body's axes x and y, s
     integrals: "array[float]"
+
+    @property
+    def felt_b(self) -> Level:
+        """Mean specific force along the body's axes x and y, by its attitude half-way, m/s^2."""
+        begun, ended = self.begun.moment.q_sb, self.ended.moment.q_sb
+        x, y, z = log(multiply(conjugate(begun), ended))
+        half = conjugate(turned(begun, (0.5 * x, 0.5 * y, 0.5 * z)))
+        forward, right, _ = rotate(half, (self.integrals[0], self.integrals[1], self.integrals[2]))
+        return forward / self.length_s, right / self.length_s
 
     @property
     def late(self) -> tuple[Level, Level]:
@@ -83,11 +94,19 @@ class VelocityRow(NamedTuple):
         return (-north, -east), self.ended.jerk_n
 
 
-class _OpenRow:
-    """The current row."""
+class Shift(NamedTuple):
+    """By how much the mean force changes across a row, from the row before to that behind."""
 
-    def __init__(self, begun: Mark, errors: SensorErrors) -> None:
-        self.begun, self.errors = begun, errors
+    t_us: int  # beginning of the row
+    forward_m_s2: float  # along the body's axis x
+    right_m_s2: float  # along y
+
+
+class _OpenRow:
+    """The current row, which ends with the first mark after `least_s`."""
+
+    def __init__(self, begun: Mark, errors: SensorErrors, least_s: float) -> None:
+        self.begun, self.errors, self._least_s = begun, errors, least_s
         self._length_s = 0.0
         self._integrals = array("d", bytes(8 * 3 * VECTORS))
 
@@ -117,7 +136,7 @@ class _OpenRow:
             "d", (*map(add, own[:turned_from], force), *turned, *map(add, own[bent_from:], more))
         )
         self._length_s += dt_s
-        if self._length_s < ROW_S:
+        if self._length_s < self._least_s:
             return None
         return VelocityRow(self.begun, mark, self.errors, self._length_s, self._integrals)
 
@@ -133,18 +152,36 @@ class _Bend(NamedTuple):
 class VelocityRows:
     """Follows the marks.
 
+    Args:
+        row_s: least length of a row.
+        length_s: of the window.
+
     Attributes:
-        rows: of the last LENGTH_S, in order.
+        rows: of the window, in order.
+        shifts: of the last SHIFTS_S, in order.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, row_s: float = ROW_S, length_s: float = LENGTH_S) -> None:
+        self._row_s, self._length_s = row_s, length_s
         self._accel_square, self._known_s = UNKNOWN_ACCEL_M_S2**2, 0.0
+        self.shifts: list[Shift] = []
         self.restart()
 
     @property
     def usual_m_s2(self) -> float:
         """Horizontal acceleration by the velocities before the window, rms."""
         return max(math.sqrt(self._accel_square), CALM_ACCEL_M_S2)
+
+    @property
+    def begun_us(self) -> int:
+        """When the window began; 0 without one."""
+        return self.rows[0].begun.moment.t_us if self.rows else 0
+
+    @property
+    def felt_m_s2(self) -> float:
+        """Horizontal acceleration by the force in the window, rms."""
+        squares = [math.hypot(*row.begun.accel_n) ** 2 for row in self.rows]
+        return math.sqrt(sum(squares) / len(squares))
 
     def restart(self) -> None:
         """Restarts, as the strapdown does."""
@@ -164,21 +201,32 @@ class VelocityRows:
             self.restart()
         before, self._last = self._last, mark
         if before is None or self._open is None:
-            self._open = _OpenRow(mark, errors)
+            self._open = _OpenRow(mark, errors, self._row_s)
             return False
         self._see_bend(before, mark)
         row = self._open.add(before, mark)
         if row is None:
             return False
-        self._open = _OpenRow(mark, errors)
+        self._open = _OpenRow(mark, errors, self._row_s)
         self.rows.append(row)
-        oldest_us = mark.moment.t_us - round(1.02e6 * LENGTH_S)
+        self._see_shift()
+        oldest_us = mark.moment.t_us - round(1.02e6 * self._length_s)
         while self.rows[0].begun.moment.t_us < oldest_us:
             self._forget(self.rows.pop(0))
         while self._bends and self._bends[0].t_us < oldest_us:
             del self._bends[0]
             self._jitter_m_s = None
         return True
+
+    def _see_shift(self) -> None:
+        if len(self.rows) < 3:
+            return
+        before, row, behind = self.rows[-3:]
+        (a, b), (c, d) = before.felt_b, behind.felt_b
+        t_us, shifts = row.begun.moment.t_us, self.shifts
+        shifts.append(Shift(t_us, c - a, d - b))
+        while shifts[0].t_us < t_us - 1e6 * SHIFTS_S:
+            del shifts[0]
 
     def _forget(self, row: VelocityRow) -> None:
         self._known_s = min(self._known_s + row.length_s, USUAL_S)

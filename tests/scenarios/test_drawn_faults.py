@@ -44,6 +44,29 @@ def test_a_step_of_the_velocity_is_named_with_its_position():
     assert kinds(found) == set()
 
 
+def test_a_step_of_one_metre_a_second_is_named_within_three_seconds():
+    _, found = flown("gps-step=1@70.0+20", rate_hz=100.0)
+    assert found["outcome"] == "right"
+    assert found["named_after_s"] < 3.0
+    assert kinds(found) == set()
+
+
+def test_a_drift_that_an_accelerometers_bias_could_be_is_named_since_the_force_does_not_step():
+    row, found = flown("gps-ramp=0.5@70.0+20", rate_hz=100.0)
+    assert found["outcome"] in ("right", "late")
+    assert found["named_after_s"] < 20.0
+    assert kinds(found) == set()
+    assert row["tilt_deg"]["p50"] < 1.0
+
+
+@pytest.mark.thorough
+def test_a_drift_that_leaves_no_trace_in_ten_seconds_is_told_by_a_longer_window():
+    _, found = flown("gps-ramp=0.3@70.0+30", rate_hz=100.0)
+    assert found["outcome"] in ("right", "late", "undecided")
+    assert found["after_s"] < 30.0
+    assert kinds(found) == set()
+
+
 @pytest.mark.thorough
 def test_the_receiver_is_not_lost_while_a_gyro_is_frozen():
     _, found = flown("gyro-frozen@70.0+15")

@@ -24,7 +24,7 @@ from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.strapdown import Moment
-from h2nav.integrity.velocity_rows import VelocityRows
+from h2nav.integrity.velocity_rows import Shift, VelocityRows
 from h2nav.integrity.velocity_windows import Mark, VelocityWindows, change_of_velocity
 from h2nav.maths import quaternion
 from h2nav.service.own_bias import OwnBias
@@ -159,6 +159,8 @@ def signature(
     seed=1,
     tilt_rad=0.0,
     cleared=(),
+    sigma_heading_rad=2.0 * DEG,
+    shifts=(),
 ):
     """What 10 s show of a flight whose dead reckoning starts with these errors."""
     drive = accelerating(LENGTH_S + 0.5, seed, law=turning, bias_b=(0.0, 0.0, 0.0))
@@ -170,7 +172,7 @@ def signature(
         if i % PERIOD == 0:
             v_n = drive.v_n[i] if v_at is None else v_at(t_s, drive.v_n)
             moment = Moment(
-                i * 10_000, tuple(gained), q_ns, 0.3 * DEG, 2.0 * DEG, 0.0, 0.0, 0.0, q_nb
+                i * 10_000, tuple(gained), q_ns, 0.3 * DEG, sigma_heading_rad, 0.0, 0.0, 0.0, q_nb
             )
             felt_n = accel_n = jerk_n = (0.0, 0.0)
             if before is not None:
@@ -186,7 +188,8 @@ def signature(
         a, b, c = force_at(t_s)
         north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
         gained += 0.01 * np.array((north, east, down - GRAVITY))
-    return causes.explain(rows.rows, Known(errors, mark.moment, rows.jitter_m_s), cleared)
+    known = Known(errors, mark.moment, rows.jitter_m_s, shifts=shifts)
+    return causes.explain(rows.rows, known, cleared)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -293,6 +296,70 @@ def test_agreement_clears_a_broken_accelerometer_not_a_bias_that_a_board_moves(
     lost = against_velocity(alone) - against_velocity(beside)
     expected = math.log(causes.BREAK_ALIKE) if is_cleared else 0.0
     assert lost == pytest.approx(expected, abs=0.5)
+
+
+@pytest.mark.parametrize("has_stepped", [False, True])
+def test_an_accelerometer_that_fails_shows_its_step_in_the_force(has_stepped):
+    """A drift of the velocity and a bias look alike for seconds; only one is in the force."""
+    at_s = 6.0
+    calm = [
+        Shift(round(4e5 * i), 0.05 * (-1) ** i, 0.05 * (-1) ** (i // 2)) for i in range(-20, 25)
+    ]
+    stepped = [
+        shift._replace(forward_m_s2=shift.forward_m_s2 + 0.5)
+        if has_stepped and abs(1e-6 * shift.t_us + 0.2 - at_s) < 0.3
+        else shift
+        for shift in calm
+    ]
+
+    def push(t_s):
+        return (0.5 if t_s > at_s else 0.0, 0.0, 0.0)
+
+    def odds(shifts):
+        found = signature(force_at=push, shifts=shifts)
+        return math.log(found.share(Cause.ACCELEROMETER) / found.share(Cause.VELOCITY))
+
+    gained = odds(stepped) - odds(())
+    assert gained > math.log(3.0) if has_stepped else gained < -math.log(100.0)
+    # Too few changes do not show what is usual.
+    assert odds(stepped[:20]) == odds(())
+
+
+def test_a_step_of_the_force_is_no_contradiction():
+    """It says which cause there is: a manoeuvre that begins steps as well."""
+    stepped = [
+        Shift(round(4e5 * i), 0.6 if i == 15 else 0.05 * (-1) ** i, 0.05 * (-1) ** (i // 2))
+        for i in range(-20, 25)
+    ]
+
+    def push(t_s):
+        return (0.35 if t_s > 6.0 else 0.0, 0.0, 0.0)
+
+    assert signature(force_at=push, shifts=stepped).odds <= signature(force_at=push).odds + 1e-9
+
+
+def test_a_heading_that_may_be_any_keeps_the_size_of_a_change():
+    def jumped(t_s, v_n):
+        north, east, down = v_n[round(100.0 * t_s)]
+        return (north + (6.0 if t_s > 8.1 else 0.0), east, down)
+
+    found = signature(v_at=jumped, sigma_heading_rad=20.0 * DEG)
+    assert found.decided is Cause.VELOCITY
+    found = signature(60.0 * DEG, sigma_heading_rad=20.0 * DEG)
+    assert found.share(Cause.HEADING) >= found.share(Cause.VELOCITY)
+
+
+def test_a_turn_that_nobody_saw_says_nothing_of_a_long_window():
+    rows = VelocityRows()
+    for i in range(60):
+        t_s = 0.2 * i
+        v_n = (3.0 * max(t_s - 8.0, 0.0), 0.0)
+        gained_s = (0.0, 0.0, -GRAVITY * t_s)
+        still = Moment(round(1e6 * t_s), gained_s, (1.0, 0.0, 0.0, 0.0), 0.01, 0.02, 0.0, 0.0, 0.0)
+        rows.take(Mark(still, v_n, 0.1, NOWHERE, NOWHERE, NOWHERE), ERRORS)
+    known = Known(ERRORS, still, rows.jitter_m_s)
+    assert causes.explain(rows.rows, known, (), 4.0 * DEG).is_contradiction
+    assert causes.explain(rows.rows, known, (), 0.1 * DEG) == NOTHING
 
 
 def test_a_broken_gyro_is_learnt_anew_only_where_it_is_decided():

@@ -19,6 +19,7 @@ from velocity_flights import (
 )
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, SensorErrors, Trust, VelocityFix
+from h2nav.integrity.causes import NOTHING, Cause, Explained
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.sensor_checks import Use
@@ -123,19 +124,22 @@ def turned_by(rate_deg_s):
 
 
 @pytest.mark.parametrize(
-    ("change", "kind", "named_s"),
+    ("change", "kind", "named_s", "most_deg"),
     [
-        (pushed(3.0), Kind.ACCELEROMETER_BIAS_STEP, 6.0),
-        (pushed(-5.0), Kind.ACCELEROMETER_BIAS_STEP, 6.0),
-        (turned_by(5.0), Kind.GYRO_BIAS_STEP, 6.0),
+        (pushed(3.0), Kind.ACCELEROMETER_BIAS_STEP, 6.0, 2.5),
+        (pushed(-5.0), Kind.ACCELEROMETER_BIAS_STEP, 6.0, 2.5),
+        # Velocities show within a second when a gyro failed, and by how much within a tenth of it.
+        (turned_by(5.0), Kind.GYRO_BIAS_STEP, 6.0, 3.5),
     ],
 )
-def test_what_a_sensor_was_found_to_be_wrong_by_no_longer_bends_the_tilt(change, kind, named_s):
+def test_what_a_sensor_was_found_to_be_wrong_by_no_longer_bends_the_tilt(
+    change, kind, named_s, most_deg
+):
     rows = watched(from_fault(change))
     assert 0.0 < first_alarm(rows, kind) < named_s
     after = [(tilt, opened) for t_s, _, tilt, opened in rows if t_s > FAULT_S + named_s + 1.0]
-    assert max(tilt for tilt, _ in after) < 2.5 * DEG
-    assert all(tilt < 3.0 * opened for tilt, opened in after)
+    assert max(tilt for tilt, _ in after) < most_deg * DEG
+    assert all(tilt < 2.0 * opened for tilt, opened in after)
     # The sensor is wrong as before, and is told to be.
     _, alarms, _, _ = rows[-1]
     assert any(alarm.kind == kind for alarm in alarms)
@@ -149,6 +153,38 @@ def test_nothing_is_taken_off_a_sensor_that_shows_what_another_imus_shows(change
         told |= {alarm.kind for alarm in monitor.alarms(round(t_s * 1e6))}
     assert not told & {Kind.ACCELEROMETER_BIAS_STEP, Kind.GYRO_BIAS_STEP}
     assert told  # that something contradicts is said
+
+
+@pytest.mark.thorough
+def test_what_was_learnt_from_a_velocity_that_is_false_turns_the_attitude_no_further():
+    def ramp(t_s, v_n):
+        return (v_n[0] + 0.7 * max(t_s - FAULT_S, 0.0), *v_n[1:])
+
+    rows = watched(flight(seed=8), ramp)
+    refused_s = first_alarm(rows, Kind.GPS_VELOCITY)
+    assert refused_s is not None
+    before = [tilt for t_s, _, tilt, _ in rows if t_s < FAULT_S + refused_s]
+    after = [tilt for t_s, _, tilt, _ in rows if t_s > FAULT_S + refused_s + 1.0]
+    assert max(before) > 4.0 * DEG
+    assert max(after) < 2.5 * DEG
+
+
+@pytest.mark.parametrize(("share", "is_refused"), [(0.3, False), (0.6, True)])
+def test_a_decision_counts_while_later_windows_share_it(monkeypatch, share, is_refused):
+    decided = Explained(20.0, ((Cause.VELOCITY, 0.9999),))
+    later = Explained(20.0, ((Cause.VELOCITY, share), (Cause.ACCELEROMETER, 0.99 - share)))
+
+    def explain(rows, known, *_):
+        t_s = known.moment.t_us * 1e-6 - FAULT_S
+        return decided if 0.0 < t_s < 1.5 else later if t_s > 0.0 else NOTHING
+
+    monkeypatch.setattr("h2nav.integrity.monitor.explain", explain)
+
+    def jump(t_s, v_n):
+        return (v_n[0] + (5.0 if t_s > FAULT_S else 0.0), *v_n[1:])
+
+    refused = [monitor.velocity_is_false for *_, monitor in flown(flight(end_s=46.0), jump)]
+    assert any(refused) is is_refused
 
 
 def test_a_fault_that_ends_is_taken_back():
