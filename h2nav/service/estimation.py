@@ -197,7 +197,9 @@ class Estimation:
     @property
     def may_be_bent(self) -> bool:
         """Whether the attitude that is sent may follow a false velocity or a wrong sensor."""
-        return self._sent is not None and self._sent.monitor.may_be_bent
+        sent = self._sent
+        # The force of a sensor that is known to be wrong speaks for nobody.
+        return sent is not None and (sent.sensor_is_bad or sent.monitor.may_be_bent)
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""

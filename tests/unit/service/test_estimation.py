@@ -380,6 +380,15 @@ def test_fields_of_different_times_are_not_compared():
     assert compasses_differ(flight)
 
 
+def test_while_its_only_force_is_frozen_velocities_do_not_speak_for_it():
+    flight = Flight(sends=(RAW,))
+    flight.run(5.0)
+    assert not flight.estimation.may_be_bent
+    flight.without_force = {RAW}
+    flight.run(5.0)
+    assert flight.estimation.may_be_bent
+
+
 def test_the_newest_time_is_that_of_the_newest_sample():
     flight = Flight(sends=(RAW,))
     assert flight.estimation.newest_t_us is None
