@@ -448,11 +448,12 @@ class Monitor:
             return None
         if found.carried is None or found.carried.tilt_sigma_rad > LINEAR_RAD:
             return None
-        self._carried_us = t_us
         correction = advanced(found.carried, known.moment, now)
-        self._tilt_rad = correction.tilt_sigma_rad
-        # Neither of both holds the heading.
         north, east, _ = correction.turn_n
+        if correction.tilt_sigma_rad > max(math.hypot(north, east), HARMLESS_RAD):
+            return None  # the attitude agrees with the gyro's, which is hardly known
+        self._carried_us, self._tilt_rad = t_us, correction.tilt_sigma_rad
+        # Neither of both holds the heading.
         return correction._replace(
             turn_n=(north, east, 0.0), heading_sigma_rad=now.sigma_heading_rad
         )
