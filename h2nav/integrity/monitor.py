@@ -62,6 +62,7 @@ from h2nav.integrity.velocity_model import Known
 from h2nav.integrity.velocity_refusal import HARMLESS_RAD, REFUSED_US, SURE_S, VelocityRefusal
 from h2nav.integrity.velocity_rows import VelocityRows
 from h2nav.integrity.velocity_windows import (
+    ANY_HEADING_RAD,
     GATE,
     LENGTHS_S,
     LONG_S,
@@ -330,7 +331,8 @@ class Monitor:
         self._hear_velocity(t_us, None)
         doubt = None
         is_quiet = not self.ratios.of_velocity > SUSPICIOUS_RATIO
-        if not self._began_settled(t_us) or (is_quiet and not self._slow.found.is_suspicious):
+        is_settled = self._began_settled(t_us) and self._began_with_heading()
+        if not is_settled or (is_quiet and not self._slow.found.is_suspicious):
             self._forget_cause()
         elif known is not None and t_us - self._explained_us >= self._spacing_us(t_us):
             doubt = self._search(t_us, known)
@@ -351,6 +353,11 @@ class Monitor:
         rows = self._rows.rows
         begun_us = rows[0].begun.moment.t_us if rows else t_us
         return not self._unsettled_from_us <= begun_us <= self._unsettled_us
+
+    def _began_with_heading(self) -> bool:
+        """Whether the window began with a heading: without one, speeding up looks like a fault."""
+        rows = self._rows.rows
+        return not rows or rows[0].begun.moment.sigma_heading_rad < ANY_HEADING_RAD
 
     def _known(self, mark: Mark, errors: SensorErrors, rows: VelocityRows) -> Known:
         """What is known at the end of a window."""

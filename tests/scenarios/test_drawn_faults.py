@@ -3,7 +3,7 @@
 import pytest
 
 from h2nav.apps.campaign_flights import fly
-from h2nav.evaluation.campaign.draw import Draw, FlightDraw, ImuDraw, ReceiverDraw
+from h2nav.evaluation.campaign.draw import CompassDraw, Draw, FlightDraw, ImuDraw, ReceiverDraw
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -42,6 +42,16 @@ def test_a_step_of_the_velocity_is_named_with_its_position():
     assert found["outcome"] == "right"
     assert found["named_after_s"] < 2.0
     assert kinds(found) == set()
+
+
+@pytest.mark.thorough
+def test_a_plane_that_takes_off_without_a_heading_has_sound_sensors():
+    """Speeding up into an unknown direction was an accelerometer that is off: 27 deg of tilt."""
+    calm = FlightDraw("plane", 8.933, 52.84, 1.397, 0.3835, 5.356, 0.5352, -1.481)
+    late = ReceiverDraw(delay_s=0.3517, noise_m_s=0.074, multipath_m_s=0.18)
+    row = fly(Draw(631, calm, ImuDraw(rate_hz=50.0), compass=CompassDraw(count=0), receiver=late))
+    assert row["false_accusations"] == []
+    assert row["tilt_deg"]["p95"] < 3.0
 
 
 def test_a_step_of_one_metre_a_second_is_named_within_three_seconds():
