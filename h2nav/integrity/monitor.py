@@ -36,10 +36,17 @@ from h2nav.integrity.causes import (
     doubt_of,
     explain,
 )
+from h2nav.integrity.contradiction_alarms import (
+    field_alarm,
+    force_alarm,
+    no_velocity,
+    turn_alarm,
+    velocity_alarm,
+)
 from h2nav.integrity.corrected_sensor import CorrectedSensor
 from h2nav.integrity.correction import advanced
 from h2nav.integrity.field_windows import FieldWindows
-from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.findings import Alarm, Kind, Sensor
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
 from h2nav.integrity.kernel.memory import (
     BEGUN,
@@ -98,12 +105,6 @@ GROUND_SPEED_M_S = 1.5
 CLIMB_SPEED_M_S = 3.0
 JUDGED_S = 1e-6 * JUDGED_US
 FORCE_SHARE = JUDGED_S / LONG_S
-# Beyond this, an error is no longer called a tilt.
-MAX_TILT_DEG = 90.0
-# To be the cause of a contradiction to gravity, the accelerometer's size must explain this much;
-# and the ratio of sideways to down, which an attitude wrong by less than 50 deg exceeds.
-BY_SIZE = 0.5
-UPRIGHT = 2.0
 # A heading is confirmed by velocities that would have shown an error of this size,
 CONFIRMED_RAD = 15.0 * DEG
 # or by 10 s of a field that is the earth's beyond doubt,
@@ -717,13 +718,16 @@ class Monitor:
         found = sensor_alarms(self._imu, self._checked, self._watch.memory)
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us - self._silent_us > lost_us:
-            found.append(_no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
+            found.append(no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
         tests = self._tests
-        for name, make in (("velocity", self._velocity_alarm), ("force", self._force_alarm)):
-            if tests[name].is_raised:
-                found.append(make(tests[name].since_s(t_us)))
-        if tests["turn"].is_raised and not self._turn_is_level:
-            found.append(self._turn_alarm(tests["turn"].since_s(t_us)))
+        since_s = {name: test.since_s(t_us) for name, test in tests.items() if test.is_raised}
+        if "velocity" in since_s:
+            worst = max(self._windows, key=lambda window: window.ratio, default=None)
+            found.append(velocity_alarm(worst, since_s["velocity"]))
+        if "force" in since_s:
+            found.append(force_alarm(self._change_n, self._force_m_s2, since_s["force"]))
+        if "turn" in since_s and not self._turn_is_level:
+            found.append(turn_alarm(self._turn_rad, self._turn_s, since_s["turn"]))
         if (tests["field"].is_raised or self._field_turns) and not self._is_bent(t_us):
             found.append(self._field_alarm(t_us))
         found += self._cause_alarms(t_us, {alarm.kind for alarm in found})
@@ -746,72 +750,18 @@ class Monitor:
         alarm = cause_alarm(shown, decided, self._imu, since_s)
         return [] if alarm.kind in reported else [alarm]
 
-    def _velocity_alarm(self, since_s: float) -> Alarm:
-        window = max(self._windows, key=lambda w: w.ratio, default=None)
-        length_s, size, tilt = 0.0, 0.0, 0.0
-        if window is not None:
-            length_s, tilt = window.length_s, min(window.tilt_rad / DEG, MAX_TILT_DEG)
-            size = window.residual_m_s
-        explained = (
-            f"as {tilt:.0f} deg of tilt would" if tilt < MAX_TILT_DEG else "as no tilt would"
-        )
-        evidence = f"force and velocity differ by {size:.1f} m/s in {length_s:.0f} s, {explained}"
-        text = "attitude contradicts velocity"
-        return _error(Kind.ATTITUDE_VELOCITY, SensorKind.GPS, tilt, text, evidence, since_s)
-
-    def _force_alarm(self, since_s: float) -> Alarm:
-        north, east, down = self._change_n
-        tilt = math.hypot(north, east) / (GRAVITY_M_S2 * LONG_S) / DEG
-        evidence = (
-            f"the force of {LONG_S:.0f} s would give {math.hypot(north, east):.0f} m/s sideways "
-            f"and {abs(down):.0f} m/s {'down' if down > 0.0 else 'up'}"
-        )
-        text, is_by_size = "attitude contradicts gravity", False
-        # No attitude lifts; nor does one explain a fall while the force has the right size.
-        by_size_m_s = LONG_S * (GRAVITY_M_S2 - self._force_m_s2)
-        is_upright = math.hypot(north, east) < UPRIGHT * down
-        if down < 0.0 or (is_upright and by_size_m_s > BY_SIZE * down):
-            text, is_by_size = "force contradicts gravity", True
-            evidence += f"; its size is {self._force_m_s2:.1f} m/s^2: the accelerometer is wrong"
-        found = _error(Kind.ATTITUDE_GRAVITY, SensorKind.IMU, tilt, text, evidence, since_s)
-        return found._replace(is_decided=is_by_size)
-
-    def _turn_alarm(self, since_s: float) -> Alarm:
-        turn = self._turn_rad / DEG
-        evidence = f"by the gyro, both have turned by {turn:.0f} deg in space in {self._turn_s} s"
-        return _error(
-            Kind.GYRO_FIELD, SensorKind.GYRO, turn, "gyro contradicts field", evidence, since_s
-        )
-
     @property
     def _field_turns(self) -> bool:
         """Whether the field has turned about the vertical, by a wrong yaw rate or iron."""
         return self._tests["turn"].is_raised and self._turn_is_level
 
     def _field_alarm(self, t_us: int) -> Alarm:
-        field, turns = self._field, self._field_turns
-        heading, dip = field.heading_error_rad / DEG, field.dip_error_rad / DEG
-        matters = self._field_matters or turns
-        evidence = (
-            f"heading {heading:+.0f} deg, dip {dip:+.0f} deg, norm {field.norm_share:.0%} of the "
-            f"earth's"
-        )
-        if turns:
-            evidence = (
-                f"by the gyro, the field has turned by {self._turn_rad / DEG:.0f} deg in space in "
-                f"{self._turn_s} s, about the vertical: a wrong yaw rate, or a field near the "
-                f"compass; {evidence}"
-            )
+        turns = self._field_turns
         test = self._tests["field" if self._tests["field"].is_raised else "turn"]
-        return Alarm(
-            Kind.COMPASS_FIELD,
-            Sensor(SensorKind.COMPASS),
-            Severity.ERROR if matters else Severity.WARNING,
-            max(abs(heading), abs(dip)),
-            "deg",
-            "attitude contradicts field" if matters and field.has_norm else "compass disturbed",
-            evidence,
-            degrades=matters,
+        return field_alarm(
+            self._field,
+            (self._turn_rad, self._turn_s) if turns else None,
+            matters=self._field_matters or turns,
             since_s=test.since_s(t_us),
         )
 
@@ -875,28 +825,3 @@ class Monitor:
             math.hypot(north, east) / (GATE * math.sqrt(2.0 * level * level + inertial)),
             abs(down) / (GATE * math.sqrt(2.0 * climb * climb + inertial)),
         )
-
-
-def _error(
-    kind: Kind, sensor: SensorKind, size_deg: float, text: str, evidence: str, since_s: float
-) -> Alarm:
-    """An alarm that makes the attitude untrustworthy."""
-    severity, about = Severity.ERROR, Sensor(sensor)
-    return Alarm(kind, about, severity, size_deg, "deg", text, evidence, True, since_s)
-
-
-def _no_velocity(last: VelocityFix, silent_s: float) -> Alarm:
-    sensor, text = SensorKind.GPS, "no GPS velocity"
-    if not last.independent:
-        sensor, text = SensorKind.AUTOPILOT, "no velocity of the autopilot"
-    evidence = f"none for {silent_s:.0f} s: gyro, gravity and compass hold the attitude alone"
-    return Alarm(
-        Kind.VELOCITY_LOST,
-        Sensor(sensor),
-        Severity.WARNING,
-        silent_s,
-        "s",
-        text,
-        evidence,
-        since_s=silent_s,
-    )

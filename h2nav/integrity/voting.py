@@ -689,7 +689,7 @@ class Voting:
         if before != place:
             since_us = self._t_us
         self._shown[key] = place, since_us
-        is_plain = ratios[place] > PLAIN
+        is_plain = ratios[place] >= PLAIN
         return numbers[place] if is_plain or self._t_us - since_us >= SHOWN_US else None
 
     def verdict(self, imu: int) -> Verdict:

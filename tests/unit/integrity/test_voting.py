@@ -263,9 +263,9 @@ def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
 @pytest.mark.parametrize(
     ("faults", "suspicions", "kind", "number"),
     [
-        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(turn=3.0), Kind.GYRO_BIAS_STEP, 1),
-        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(velocity=3.0), Kind.GYRO_BIAS_STEP, 1),
-        ({"force_fault": off(3.0, 0.0, 0.0)}, Suspicion(3.0), Kind.ACCELEROMETER_BIAS_STEP, 1),
+        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(turn=2.0), Kind.GYRO_BIAS_STEP, 1),
+        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(velocity=2.0), Kind.GYRO_BIAS_STEP, 1),
+        ({"force_fault": off(3.0, 0.0, 0.0)}, Suspicion(2.0), Kind.ACCELEROMETER_BIAS_STEP, 1),
     ],
 )
 def test_of_two_the_one_whose_attitude_is_contradicted_is_named(faults, suspicions, kind, number):
