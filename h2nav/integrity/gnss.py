@@ -2,8 +2,8 @@
 
 What a receiver says of its signals counts at once. A false velocity, found by the force
 (`h2nav.integrity.monitor`), is a receiver's error while the position does not follow it; where both
-move alike and the receiver claims to be accurate, its signals are false. Two receivers that differ
-accuse nobody by themselves.
+move alike and the receiver claims to be accurate, its signals are false. So they may be where
+the receiver's time jumps. Two receivers that differ accuse nobody by themselves.
 """
 
 import math
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.gnss_clock import ClockWatch
 from h2nav.integrity.gnss_signals import SignalLevels, SignalWatch
 from h2nav.maths.units import EARTH_RADIUS_M
 
@@ -68,6 +69,7 @@ class GnssVerdict:
         self._apart = (0.0, 0.0)  # m, m/s
         self._signals: dict[int, SignalWatch] = {}  # of the receivers that measure power
         self._used = SignalWatch()  # counts the satellites of the receiver in use
+        self._clocks: dict[int, ClockWatch] = {}  # of the receivers that tell their time
         self._now_us = 0
 
     def state(self, t_us: int, state: SignalState) -> None:
@@ -79,6 +81,11 @@ class GnssVerdict:
         """Takes what a receiver measures of the power at its antenna."""
         self._now_us = max(self._now_us, t_us)
         self._signals.setdefault(receiver, SignalWatch()).levels(t_us, measured)
+
+    def time(self, t_us: int, receiver: int, unix_s: float) -> None:
+        """Takes the time that a receiver tells at a fix."""
+        self._now_us = max(self._now_us, t_us)
+        self._clocks.setdefault(receiver, ClockWatch()).take(t_us, unix_s)
 
     def count(self, t_us: int, satellites: int) -> None:
         """Takes the number of satellites that an armed vehicle uses; 0 without a fix."""
@@ -215,7 +222,26 @@ class GnssVerdict:
                 f"{self._fixes[-1].sigma_m_s:.1f} m/s",
                 since_s=self._since_s(since_us),
             )
-        return None if said is None else _by_receiver(Kind.GNSS_SPOOFED, "spoofed", *said)
+        if said is not None:
+            return _by_receiver(Kind.GNSS_SPOOFED, "spoofed", *said)
+        return self._false_time()
+
+    def _false_time(self) -> Alarm | None:
+        jumped = [(number, one) for number, one in self._clocks.items() if one.jump_s != 0.0]
+        if not jumped:
+            return None
+        number, clock = jumped[0]
+        return Alarm(
+            Kind.GNSS_SPOOFED,
+            GPS,
+            Severity.NOTICE,
+            abs(clock.jump_s),
+            "s",
+            "GNSS may be spoofed",
+            f"the time of receiver {number + 1} jumped by {clock.jump_s:+.0f} s against the "
+            "autopilot's clock",
+            since_s=self._since_s(clock.since_us),
+        )
 
     def _receivers_differ(self, since_us: int) -> Alarm:
         distance_m, speed_m_s = self._apart

@@ -208,7 +208,7 @@ MEANINGS: dict[Kind, Meaning] = {
     Kind.GNSS_SPOOFED: Meaning(
         _GPS,
         _WARNING,
-        "m | ",  # by a receiver's word the size is its state
+        "m | s | ",  # of a way, or of a jump of time; by a receiver's word the size is its state
         "Position and velocity of the receiver moved as the vehicle did not: the signals were not "
         "those of the satellites.",
         "The place and time of the flight; fly by attitude and height alone while it lasts.",

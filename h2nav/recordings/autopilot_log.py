@@ -42,7 +42,15 @@ from h2nav.recordings.log_rows import Log
 from h2nav.wire.attitude import ReportedAttitude
 from h2nav.wire.dialect import GNSS_INTEGRITY_ID
 from h2nav.wire.imu import RECORDED_IMU, ImuReading
-from h2nav.wire.position import GnssLevels, GnssState, GpsFix, NoFix, Origin, Place
+from h2nav.wire.position import (
+    GnssLevels,
+    GnssState,
+    GnssTime,
+    GpsFix,
+    NoFix,
+    Origin,
+    Place,
+)
 from h2nav.wire.readers import Envelope, Message
 from h2nav.wire.vehicle import (
     EARLIEST_UNIX_S,
@@ -172,6 +180,7 @@ def _streams(recorded: Recorded) -> list[_Stream]:
     for receiver in context.gps:
         streams += _signal_states(recorded, receiver)
         streams += _signal_levels(recorded, receiver)
+        streams += _clock(recorded, receiver)
         if receiver.receiver == recorded.receiver:
             streams.append(_fixes(recorded, receiver))
     if recorded.airspeed_m_s is not None:
@@ -241,9 +250,12 @@ def _landed(t_us: Times, start_us: int, airborne: Series) -> _Stream:
 
 def _signal_states(recorded: Recorded, track: GpsTrack) -> list[_Stream]:
     """What a receiver says of its signals; nothing if it says nothing."""
-    if track.jamming is None or track.spoofing is None:
+    if track.jamming is None and track.spoofing is None:
         return []
-    states = np.stack((track.jamming, track.spoofing), axis=1)
+    # PX4's receivers told of jamming years before they told of spoofing.
+    unknown = np.zeros(len(track.t_s), np.int64)
+    said = (unknown if each is None else each for each in (track.jamming, track.spoofing))
+    states = np.stack((*said,), axis=1)
 
     def make(part: slice) -> Iterator[Message]:
         for jamming, spoofing in states[part].tolist():
@@ -264,6 +276,20 @@ def _signal_levels(recorded: Recorded, track: GpsTrack) -> list[_Stream]:
             yield GnssLevels(track.receiver, noise, gain, line)
 
     return [_Stream(_boot_us(recorded.start_us, power.t_s), GNSS_INTEGRITY_ID, make)]
+
+
+def _clock(recorded: Recorded, track: GpsTrack) -> list[_Stream]:
+    """The time that a receiver tells; nothing if the log does not have it."""
+    clock = track.clock
+    if clock is None:
+        return []
+    t_us = _boot_us(recorded.start_us, clock.t_s)
+
+    def make(part: slice) -> Iterator[Message]:
+        for time_us, unix_s in zip(t_us[part].tolist(), clock.values[part].tolist(), strict=True):
+            yield GnssTime(track.receiver, time_us, unix_s)
+
+    return [_Stream(t_us, GNSS_INTEGRITY_ID, make)]
 
 
 def _fixes(recorded: Recorded, track: GpsTrack) -> _Stream:

@@ -101,11 +101,12 @@ class GpsTrack(NamedTuple):
     spoofing: NDArray[np.int64] | None = None
     # (K, 3) the power at its antenna: noise, gain, narrow lines; None if it measures nothing
     power: "Series | None" = None
+    clock: "Series | None" = None  # (K,) the time that it tells at fixes, UNIX seconds
 
     def part(self, rows: slice | NDArray[np.bool_]) -> "GpsTrack":
         """Some of the fixes."""
         columns = self._asdict()
-        del columns["receiver"], columns["power"]  # the latter has times of its own
+        del columns["receiver"], columns["power"], columns["clock"]  # both have times of their own
         return self._replace(**{n: c[rows] for n, c in columns.items() if c is not None})
 
 

@@ -68,6 +68,14 @@ class PowerColumns(NamedTuple):
     levels: Array  # (N, 3) noise, gain, narrow lines
 
 
+class ClockColumns(NamedTuple):
+    """The time that one receiver tells; NaN where it has no fix."""
+
+    rows: Rows  # with their times
+    number: int  # of the receiver, from 0
+    unix_s: Array  # (N,) UNIX time
+
+
 class Receivers(NamedTuple):
     """The receivers of a recording."""
 
@@ -90,6 +98,13 @@ def of_week(table: Table, week: str, time_ms: str, fix_type: str) -> Array:
     unix_s = GPS_EPOCH_UNIX_S + WEEK_S * weeks + MILLI * times_ms - LEAP_S
     known = (table.integers(fix_type) >= FIX_3D) & (weeks >= MIN_WEEK)
     return np.where(known, unix_s, np.nan)
+
+
+def utc_at_fixes(table: Table, time_us: str, fix_type: str) -> Array:
+    """UNIX time, at fixes of a receiver that knows the date."""
+    unix_s = MICRO * table.numbers(time_us)
+    known = (table.integers(fix_type) >= FIX_3D) & (unix_s >= EARLIEST_UNIX_S)
+    return np.where(known & (unix_s <= LATEST_UNIX_S), unix_s, np.nan)
 
 
 _PX4_TOPICS = ("sensor_gps", "vehicle_gps_position")  # until 1.11 the second was the receiver
@@ -197,6 +212,19 @@ POWERS = Field(
         for topic in _PX4_TOPICS
     ),
 )
+CLOCKS = Field(
+    "clocks",
+    "s",
+    record=ClockColumns,
+    dataflash=(
+        Source("GPS", {"unix_s": column("GWk", "GMS", "Status", form=of_week)}),
+        Source("GPS", {"unix_s": column("Week", "TimeMS", "Status", form=of_week)}),
+    ),
+    ulog=tuple(
+        Source(topic, {"unix_s": column("time_utc_usec", "fix_type", form=utc_at_fixes)})
+        for topic in _PX4_TOPICS
+    ),
+)
 DATE = Field(
     "unix_s",
     "s",
@@ -210,7 +238,7 @@ DATE = Field(
     ),
     telemetry=(series("SYSTEM_TIME", "time_unix_usec", scale=MICRO, least=MICRO),),
 )
-RECEIVERS = (FIXES, ACCURACIES, POWERS, DATE)
+RECEIVERS = (FIXES, ACCURACIES, POWERS, CLOCKS, DATE)
 """All of them."""
 
 
@@ -222,15 +250,16 @@ def start_unix_s(log: RowFinder) -> float | None:
 
 def receivers_of(log: RowFinder) -> Receivers:
     """The receivers of a recording, with what else is known of their fixes."""
-    found = read(log, (FIXES, ACCURACIES, POWERS)).values
+    found = read(log, (FIXES, ACCURACIES, POWERS, CLOCKS)).values
     accuracies = {one.number: one for one in found["accuracies"]}
     powers = {one.number: Series(one.rows.t_s, one.levels) for one in found["powers"]}
+    clocks = {one.number: Series.finite(one.rows.t_s, one.unix_s) for one in found["clocks"]}
     tracks, stamps, uses = [], {}, {}
     for one in found["fixes"]:
         number = one.number
         if number < MAX_RECEIVERS:
             fixes, stamps[number] = _with_accuracy(one, accuracies.get(number))
-            tracks.append(_track(fixes, powers.get(number)))
+            tracks.append(_track(fixes, powers.get(number), clocks.get(number)))
             uses[number] = np.count_nonzero(tracks[-1].has_fix & (fixes.is_used != 0.0))
     if not tracks:
         return Receivers()
@@ -255,7 +284,7 @@ def _with_accuracy(fixes: FixColumns, accuracy: AccuracyColumns | None) -> tuple
     return fixes, rows.t_us - np.where(is_age, age_us, 0.0).astype(np.int64)
 
 
-def _track(fixes: FixColumns, power: Series | None) -> GpsTrack:
+def _track(fixes: FixColumns, power: Series | None, clock: Series | None) -> GpsTrack:
     place = fixes.latitude_deg, fixes.longitude_deg, fixes.altitude_m
     return GpsTrack(
         fixes.number,
@@ -268,6 +297,7 @@ def _track(fixes: FixColumns, power: Series | None) -> GpsTrack:
         _states(fixes.jamming),
         _states(fixes.spoofing),
         power,
+        clock,
     )
 
 

@@ -27,6 +27,7 @@ from h2nav.wire.position import (
     EstimatedVelocity,
     GnssLevels,
     GnssState,
+    GnssTime,
     GpsFix,
     NoFix,
     Origin,
@@ -219,7 +220,7 @@ class Aiding:
         return [] if self._field.is_known else self.on_place(t_ns, origin.place)
 
     def on_receiver(
-        self, t_ns: int, said: GpsFix | NoFix | OtherFix | GnssState | GnssLevels
+        self, t_ns: int, said: GpsFix | NoFix | OtherFix | GnssState | GnssLevels | GnssTime
     ) -> list[Effect]:
         """Takes what a receiver sends."""
         heard_us = self._estimation.heard_t_us
@@ -233,6 +234,8 @@ class Aiding:
             self.gnss.state(heard_us, SignalState(*said))
         elif heard_us is not None and isinstance(said, GnssLevels):
             self.gnss.levels(heard_us, said.receiver, SignalLevels(*said[1:]))
+        elif isinstance(said, GnssTime):
+            self.gnss.time(said.time_us, said.receiver, said.unix_s)
         elif heard_us is not None and isinstance(said, OtherFix):
             velocity, place = gps_velocity(said.fix, heard_us), said.fix.place
             if velocity is not None:

@@ -51,6 +51,7 @@ from h2nav.wire.position import (
     EstimatedVelocity,
     GnssLevels,
     GnssState,
+    GnssTime,
     GpsFix,
     NoFix,
     Origin,
@@ -526,7 +527,7 @@ class Service:
         """Takes a report of the bound autopilot on itself and its vehicle."""
         aiding = self._aiding
         match message:
-            case GpsFix() | NoFix() | OtherFix() | GnssState() | GnssLevels():
+            case GpsFix() | NoFix() | OtherFix() | GnssState() | GnssLevels() | GnssTime():
                 return aiding.on_receiver(t_ns, message)
             case Place():
                 return aiding.on_place(t_ns, message)

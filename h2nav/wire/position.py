@@ -77,6 +77,14 @@ class GnssLevels(NamedTuple):
     line: float
 
 
+class GnssTime(NamedTuple):
+    """The time that a receiver tells at a fix, in autopilots' own logs."""
+
+    receiver: int  # its number, from 0
+    time_us: int  # on the autopilot's clock
+    unix_s: float  # the receiver's, UNIX time
+
+
 class EstimatedVelocity(NamedTuple):
     """LOCAL_POSITION_NED: the velocity of the autopilot's own estimator."""
 

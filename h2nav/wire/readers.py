@@ -14,6 +14,7 @@ from h2nav.wire.position import (
     EstimatedVelocity,
     GnssLevels,
     GnssState,
+    GnssTime,
     GpsFix,
     NoFix,
     NoOtherFix,
@@ -42,6 +43,7 @@ Message = (
     | NoFix
     | NoOtherFix
     | GnssLevels
+    | GnssTime
     | Place
     | Origin
     | EstimatedVelocity

@@ -21,6 +21,7 @@ from h2nav.recordings.telemetry import read_context
 from h2nav.recordings.ulog import open_ulog
 from h2nav.wire.codec import Encoder
 from h2nav.wire.dialect import LAYOUTS
+from h2nav.wire.position import GnssState
 
 TIMES = START_US + np.arange(0, 10_000_000, 100_000, dtype=np.int64)
 MOVES = np.linspace(0.0, 1.0, len(TIMES))
@@ -412,6 +413,40 @@ def test_fixes_are_the_same_in_every_format(tmp_path: Path):
     assert [None if one.gps[0].jamming is None else one.gps[0].jamming[0] for one in logs] == [
         None, 1, 1,
     ]  # fmt: skip
+
+
+def test_a_receivers_time_is_read_at_its_fixes(tmp_path: Path):
+    """GPS weeks of ArduPilot, today's and until 2014, and PX4's UTC; the last row is no fix."""
+    t_us, kind = TIMES[:4], [3, 3, 3, 1]
+    week, time_ms, unix_s = 2_300, 100_000_000, 1_707_104_782.0
+    new, old, px4 = DataflashWriter(), DataflashWriter(), ULogWriter()
+    place = (12, 47.0, 8.0, 500.0, 3.0, 90.0, 0.0)
+    columns = "TimeUS,I,Status,GMS,GWk,NSats,Lat,Lng,Alt,Spd,GCrs,VZ"
+    new.add("GPS", "QBBIHBLLefff", columns, t_us, 1, kind, time_ms, week, *place)
+    columns = "TimeUS,Status,TimeMS,Week,NSats,Lat,Lng,Alt,Spd,GCrs,VZ"
+    old.add("GPS", "QBIHBLLefff", columns, t_us, kind, time_ms, week, *place)
+    fields = "uint8_t fix_type;double latitude_deg;double longitude_deg;double altitude_msl_m;"
+    fields += "float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;uint64_t time_utc_usec"
+    values = (kind, 47.0, 8.0, 500.0, 0.0, 3.0, 0.0, round(1e6 * unix_s))
+    px4.add("sensor_gps", fields, t_us, *values)
+    logs = [dataflash(tmp_path, new), dataflash(tmp_path, old), ulog(tmp_path, px4)]
+    for context, number in zip(logs, (1, 0, 0), strict=True):
+        (track,) = context.gps
+        assert track.receiver == number
+        assert track.clock is not None
+        assert track.clock.values.tolist() == [unix_s] * 3
+
+
+def test_a_receiver_that_tells_of_jamming_only_is_heard(tmp_path: Path):
+    """PX4 until 1.13: `jamming_state` without `spoofing_state`."""
+    path, writer = tmp_path / "log.ulg", ULogWriter()
+    fields = "uint8_t fix_type;int32_t lat;int32_t lon;int32_t alt;float vel_n_m_s;"
+    fields += "float vel_e_m_s;float vel_d_m_s;uint8_t jamming_state"
+    place = (470_000_000, 80_000_000, 500_000)
+    writer.add("vehicle_gps_position", fields, TIMES, 3, *place, 0.0, 3.0, 0.0, 3)
+    path.write_bytes(writer.bytes())
+    heard = {message for _, message in open_ulog(path).events() if isinstance(message, GnssState)}
+    assert heard == {GnssState(0, jamming=3, spoofing=0)}
 
 
 def test_of_two_receivers_the_first_that_knows_it_tells_the_date(tmp_path: Path):
