@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.calibration.regression import Array, block_diagonal, longer, robust
+from h2nav.calibration.knots import Knots, normal, prior
+from h2nav.calibration.regression import Array, longer, robust
 from h2nav.maths.air import SEA_LEVEL_KG_M3
 from h2nav.maths.units import DEG
 
@@ -69,44 +70,38 @@ def fitted_drag(rows: DragRows, *, is_whole_speed: bool) -> DragFit:
         rows: at least some tens.
         is_whole_speed: of PX4: the drag of the body along an axis grows with the whole speed.
     """
-    hats, information = _knots(rows.flight, rows.t_s)
-    knots = hats.shape[1]
-    x: Array = np.concatenate((START, np.zeros(2 * knots)))
-    prior = np.zeros((len(x), len(x)))
-    prior[:COUNT, :COUNT] = np.diag(SIGMAS**-2)
-    prior[COUNT : COUNT + knots, COUNT : COUNT + knots] = information
-    prior[COUNT + knots :, COUNT + knots :] = information
+    knots = Knots.of(rows.flight, rows.t_s, KNOT_S)
+    steady = _steady(knots)
+    known = prior(SIGMAS, (steady, steady))
+    x, wind_n = START.copy(), np.zeros((knots.number, 2))
     noise = 1.0
     weight: Array = np.ones(len(rows.t_s))
     cost = math.inf
     for _ in range(ROUNDS):
-        predicted, J, _ = _model(rows, hats, x, is_whole_speed)
+        predicted, own, by_wind, _ = _model(rows, x, knots.at_rows(wind_n), is_whole_speed)
         r = rows.f_b - predicted
         length = np.linalg.norm(r, axis=1)
         noise = max(float(np.median(length)) / MEDIAN_OF_TWO, MIN_NOISE_M_S2)
         weight = robust(length, noise, 1.0)
-        w = (weight / noise**2)[:, None, None]
-        flat, weighted = J.reshape(-1, len(x)), (J * w).reshape(-1, len(x))
-        A = weighted.T @ flat
-        step = np.linalg.solve(A + prior, weighted.T @ r.ravel() - prior @ x)
+        shown = normal(own, by_wind, knots, weight / noise**2, r)
+        step, turn = shown.plus(known).against(known, x, wind_n.ravel()).reduced().solved()
         # A wind beyond any leads nowhere.
-        x = x + step * min(1.0, 5.0 / max(float(np.abs(step[COUNT:]).max()), 1e-9))
-        before, cost = cost, float(np.abs(step).max())
+        reach = min(1.0, 5.0 / max(float(np.abs(turn).max()), 1e-9))
+        x = x + step * reach
+        wind_n = wind_n + turn.reshape(wind_n.shape) * reach
+        before, cost = cost, float(max(np.abs(step).max(), np.abs(turn).max()))
         if cost < SETTLED or cost == before:
             break
-    predicted, J, v_b = _model(rows, hats, x, is_whole_speed)
+    at_rows_n = knots.at_rows(wind_n)
+    predicted, _, _, v_b = _model(rows, x, at_rows_n, is_whole_speed)
     r = rows.f_b - predicted
-    inflated = longer(rows.flight, rows.t_s, r / noise, weight, COUNT + 2 * knots)
-    covariance = np.linalg.inv(A / inflated + prior)
-    wind_n = np.stack((hats @ x[COUNT : COUNT + knots], hats @ x[COUNT + knots :]), axis=1)
-    north = covariance[COUNT : COUNT + knots, COUNT : COUNT + knots]
-    east = covariance[COUNT + knots :, COUNT + knots :]
-    variance = np.einsum("nk,kl,nl->n", hats, 0.5 * (north + east), hats)
+    inflated = longer(rows.flight, rows.t_s, r / noise, weight, COUNT + wind_n.size)
+    left = shown.times(1.0 / inflated).plus(known)
     return DragFit(
-        x[:COUNT],
-        np.sqrt(np.diag(covariance)[:COUNT]),
-        wind_n,
-        np.sqrt(variance),
+        x,
+        np.sqrt(np.diag(np.linalg.inv(left.reduced().own))),
+        at_rows_n,
+        np.sqrt(0.5 * knots.variance(left.covariance(), 2).sum(axis=1)),
         v_b,
         r,
         weight,
@@ -114,20 +109,22 @@ def fitted_drag(rows: DragRows, *, is_whole_speed: bool) -> DragFit:
 
 
 def _model(
-    rows: DragRows, hats: Array, x: Array, is_whole_speed: bool
-) -> tuple[Array, Array, Array]:
-    """(N, 2) predicted force, (N, 2, P) its derivative, (N, 2) speed through the air."""
-    knots = hats.shape[1]
-    wind = np.zeros((len(hats), 3))
-    wind[:, 0], wind[:, 1] = hats @ x[COUNT : COUNT + knots], hats @ x[COUNT + knots :]
-    whole_b = np.einsum("nij,nj->ni", rows.R_bn, rows.v_n - wind)
+    rows: DragRows, x: Array, wind_n: Array, is_whole_speed: bool
+) -> tuple[Array, Array, Array, Array]:
+    """(N, 2) predicted force; its derivatives, (N, 2, 7) and (N, 2, 2) by the wind; and (N, 2).
+
+    The last one is the speed through the air.
+    """
+    over_ground = rows.v_n.copy()
+    over_ground[:, :2] -= wind_n
+    whole_b = np.einsum("nij,nj->ni", rows.R_bn, over_ground)
     v_b = whole_b[:, :2]
     speed = np.linalg.norm(whole_b, axis=1, keepdims=True) if is_whole_speed else np.abs(v_b)
     half = 0.5 * rows.density[:, None]
     thin = np.sqrt(rows.density / SEA_LEVEL_KG_M3)[:, None]
     body, rotors = half * speed * v_b, thin * v_b
     predicted = -x[BODY] * body - x[ROTORS] * rotors + x[OFFSET] + x[LEAN] * rows.lift[:, None]
-    J = np.zeros((len(hats), 2, len(x)))
+    J = np.zeros((len(rows.t_s), 2, COUNT))
     for axis in range(2):
         J[:, axis, axis] = -body[:, axis]
         J[:, axis, 2] = -rotors[:, axis]
@@ -139,30 +136,16 @@ def _model(
     if is_whole_speed:
         turned = v_b[:, :, None] * whole_b[:, None, :] / np.maximum(speed, 1e-6)[:, :, None]
         by_air = by_air - (x[BODY] * half)[:, :, None] * turned
-    by_wind = -np.einsum("nij,njk->nik", by_air, rows.R_bn)
-    J[:, :, COUNT : COUNT + knots] = by_wind[:, :, :1] * hats[:, None, :]
-    J[:, :, COUNT + knots :] = by_wind[:, :, 1:2] * hats[:, None, :]
-    return predicted, J, v_b
+    by_wind = -np.einsum("nij,njk->nik", by_air, rows.R_bn[:, :, :2])
+    return predicted, J, by_wind, v_b
 
 
-def _knots(flights: NDArray[np.int64], t_s: Array) -> tuple[Array, Array]:
-    """(N, K) share of each knot of the wind in each row, and (K, K) information on them."""
-    hats: list[Array] = []
-    blocks: list[Array] = []
-    for flight in np.unique(flights):
-        number = np.flatnonzero(flights == flight)
-        own_s = t_s[number]
-        count = max(2, math.ceil((own_s[-1] - own_s[0]) / KNOT_S) + 1)
-        place = (own_s - own_s[0]) / max(own_s[-1] - own_s[0], 1e-3) * (count - 1)
-        first = np.minimum(place.astype(np.int64), count - 2)
-        hat = np.zeros((len(t_s), count))
-        hat[number, first], hat[number, first + 1] = 1.0 - (place - first), place - first
-        steps = np.diff(np.eye(count), axis=0) / WIND_STEP_M_S
-        block = steps.T @ steps
-        block[0, 0] += WIND_M_S**-2
-        hats.append(hat)
-        blocks.append(block)
-    return np.hstack(hats), block_diagonal(blocks)
+def _steady(knots: Knots) -> tuple[Array, Array]:
+    """Information on one component of the wind: (K,) of each knot, and with the next one."""
+    begins = knots.begins
+    ends = np.roll(begins, -1)
+    step = WIND_STEP_M_S**-2
+    return step * (2.0 - begins - ends) + begins * WIND_M_S**-2, np.where(ends, 0.0, -step)
 
 
 def excited(fit: DragFit) -> tuple[float, float]:

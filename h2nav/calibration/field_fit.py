@@ -19,18 +19,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from h2nav.calibration.knots import Bordered, Knots, normal, prior
 from h2nav.calibration.regression import (
+    KNOT_S,
     LAST_ROUNDS,
     ROUNDS,
     SETTLED,
     STARTS,
     Array,
-    Wander,
-    block_diagonal,
     longer,
     noise_of,
-    normal,
     robust,
+    wander,
 )
 from h2nav.maths.rows import cross
 
@@ -130,29 +130,26 @@ def weighted_rms(residual_ut: Array, weight: Array) -> float:
 
 
 def fitted(
-    rows: FieldRows, prior: FieldCorrection, free: Mask, lever: Array, *, strays: bool = True
+    rows: FieldRows, centre: FieldCorrection, free: Mask, lever: Array, *, strays: bool = True
 ) -> FieldFit:
-    """Fits the free ones of offset, matrix and motors; the others stay as in the prior.
+    """Fits the free ones of offset, matrix and motors; the others stay as they are.
 
     Args:
         rows: at least one.
-        prior: initial values and centre of the prior.
+        centre: initial values, and what is expected of them.
         free: (12,) which of its values are fitted.
         lever: (N,) of the motors; 0 without.
         strays: whether earth's field and lean are fitted, too.
     """
-    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_rad, MIN_SIGMA_RAD)
+    knots = Knots.of(rows.flight, rows.t_s, KNOT_S)
+    heading = wander(knots, rows.sigma_rad, MIN_SIGMA_RAD)
     scale = max(float(np.abs(lever).max(initial=0.0)), 1e-9)
-    sigma = np.concatenate(
-        (np.full(3, OFFSET_UT), np.full(3, SCALE), np.full(3, SOFT), np.full(3, MOTOR_UT / scale))
-    )
+    sigma = np.repeat((OFFSET_UT, SCALE, SOFT, MOTOR_UT / scale), 3)
     places = np.flatnonzero(free)
-    information = block_diagonal(
-        [np.diag(sigma[places] ** -2), heading.information, np.diag(STRAY_SIGMAS**-2)]
-    )
-    # The heading error at its knots, and the strays.
-    x, knots = prior.values.copy(), np.zeros(heading.knots + len(STRAY_SIGMAS))
-    active = np.ones(len(information), dtype=bool)
+    known = prior(np.concatenate((sigma[places], STRAY_SIGMAS)), [heading])
+    # Values and strays, and the heading error at its knots.
+    x, strayed, swing = centre.values.copy(), np.zeros(len(STRAY_SIGMAS)), np.zeros(knots.number)
+    active = np.ones(len(known.own), dtype=bool)
     # A matrix and an earth's field that shrink together would reduce any noise.
     active[EARTH] = not free[MATRIX].any()
     if not strays:
@@ -160,44 +157,45 @@ def fitted(
     balance = _balanced(rows.earth_ut)
     noise_ut = math.inf
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
-        r, J = _linear(rows, x, heading, knots, lever, places)
+        r, own, turned = _linear(rows, x, knots.at_rows(swing), strayed, lever, places)
         length = np.linalg.norm(r, axis=1)
         noise_ut = max(noise_of(length, balance), MIN_NOISE_UT)
         fits = robust(length, noise_ut, start)
-        A, g = normal(J, (balance * fits / noise_ut**2)[:, None, None], r)
-        A += information
-        before = np.concatenate((x[places] - prior.values[places], knots))
-        step = np.zeros(len(A))
-        step[active] = -np.linalg.solve(
-            A[np.ix_(active, active)], (g + information @ before)[active]
-        )
+        shown = normal(own, turned[:, :, None], knots, balance * fits / noise_ut**2, -r)
+        apart = np.concatenate((x[places] - centre.values[places], strayed))
+        step, turn = shown.plus(known).against(known, apart, swing).reduced().solved(active)
         x[places] += step[: len(places)]
-        knots += step[len(places) :]
-        if start == 1.0 and np.abs(step).max(initial=0.0) < SETTLED:
+        strayed += step[len(places) :]
+        swing += turn
+        moved = max(np.abs(step).max(initial=0.0), np.abs(turn).max(initial=0.0))
+        if start == 1.0 and moved < SETTLED:
             break
-    r, _ = _linear(rows, x, heading, knots, lever, places)
+    angle = knots.at_rows(swing)
+    r, _, _ = _linear(rows, x, angle, strayed, lever, places)
     inflated = longer(rows.flight, rows.t_s, r, balance * fits, len(places))
     covariance = np.zeros((COUNT, COUNT))
-    own = _covariance(A, information, active, inflated)
+    own = _covariance(shown, known, active, inflated)
     covariance[np.ix_(places, places)] = own[: len(places), : len(places)]
-    before = np.concatenate((x[places] - prior.values[places], knots))
+    apart = np.concatenate((x[places] - centre.values[places], strayed))
+    pulled, swung = known.product(apart, swing)
     cost = float((balance * fits) @ (r**2).sum(axis=1)) / noise_ut**2
-    cost += float(before @ information @ before)
-    angle = heading.hats @ knots[: heading.knots]
+    cost += float(apart @ pulled + swing @ swung)
     return FieldFit(correction(x), covariance, angle, fits, r, cost)
 
 
-def _covariance(A: Array, information: Array, active: Mask, inflated: float) -> Array:
+def _covariance(shown: Bordered, known: Bordered, active: Mask, inflated: float) -> Array:
     """Of the active values; what is not active was held and is as uncertain as its prior.
 
     Args:
-        A: information of rows and prior.
+        shown: by the rows.
+        known: before.
         inflated: factor on the variance of the rows.
     """
     both, held = np.ix_(active, active), np.ix_(active, ~active)
-    own = np.linalg.inv(((A - information) / inflated + information)[both])
-    slope = np.linalg.solve(A[both], A[held])
-    own += slope / np.diag(information)[~active] @ slope.T
+    own = np.linalg.inv(shown.times(1.0 / inflated).plus(known).reduced().own[both])
+    full = shown.plus(known).reduced().own
+    slope = np.linalg.solve(full[both], full[held])
+    own += slope / np.diag(known.own)[~active] @ slope.T
     return own
 
 
@@ -213,21 +211,20 @@ def headed(rows: FieldRows, angle_rad: Array) -> Array:
 def _linear(
     rows: FieldRows,
     x: Array,
-    heading: Wander,
-    knots: Array,
+    angle_rad: Array,
+    strayed: Array,
     lever: Array,
     places: NDArray[np.intp],
-) -> tuple[Array, Array]:
-    """(N, 3) residuals and their (N, 3, P + K + 5) derivatives."""
+) -> tuple[Array, Array, Array]:
+    """(N, 3) residuals; their derivatives, (N, 3, P + 5) and (N, 3) by the heading error."""
     now = correction(x)
-    model = headed(rows, heading.hats @ knots[: heading.knots])
+    model = headed(rows, angle_rad)
     strays = _strays(rows, model)
     v = rows.raw_ut + now.offset_ut
-    r = now.corrected(rows.raw_ut, lever) - model + strays @ knots[heading.knots :]
-    across = cross(rows.down, model)
-    turned = across[:, :, None] * heading.hats[:, None, :]
+    r = now.corrected(rows.raw_ut, lever) - model + strays @ strayed
+    turned = cross(rows.down, model)
     if not len(places):
-        return r, np.concatenate((turned, strays), axis=2)
+        return r, strays, turned
     J = np.zeros((len(v), 3, COUNT))
     J[:, :, OFFSET] = now.matrix
     for place, (i, j) in enumerate(zip(_ROW, _COLUMN, strict=True), start=MATRIX.start):
@@ -235,7 +232,7 @@ def _linear(
         if i != j:
             J[:, j, place] += v[:, i]
     J[:, :, MOTOR] = lever[:, None, None] * np.eye(3)
-    return r, np.concatenate((J[:, :, places], turned, strays), axis=2)
+    return r, np.concatenate((J[:, :, places], strays), axis=2), turned
 
 
 def _strays(rows: FieldRows, model: Array) -> Array:

@@ -10,19 +10,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from h2nav.calibration.knots import Knots, normal, prior
 from h2nav.calibration.motion_rows import MotionRows
 from h2nav.calibration.regression import (
+    KNOT_S,
     LAST_ROUNDS,
     ROUNDS,
     SETTLED,
     STARTS,
     Array,
-    Wander,
-    block_diagonal,
     longer,
     noise_of,
-    normal,
     robust,
+    wander,
 )
 from h2nav.maths.units import DEG
 from h2nav.reviews.inertial import Mask
@@ -66,52 +66,56 @@ def fitted(rows: MotionRows, free: Mask) -> MotionFit:
         rows: at least one between fixes.
         free: (10,) the values to fit; the others are 0.
     """
-    tilt = Wander.of(rows.flight, rows.t_s, rows.sigma_tilt, MIN_SIGMA_RAD)
-    heading = Wander.of(rows.flight, rows.t_s, rows.sigma_heading, MIN_SIGMA_RAD)
+    knots = Knots.of(rows.flight, rows.t_s, KNOT_S)
+    tilt = wander(knots, rows.sigma_tilt, MIN_SIGMA_RAD)
+    heading = wander(knots, rows.sigma_heading, MIN_SIGMA_RAD)
     places = np.flatnonzero(free)
-    J = _rows(rows, (tilt, tilt, heading), places)
+    own, turned = _derivatives(rows, places)
     y = rows.share * rows.apart
-    prior = block_diagonal(
-        [np.diag(SIGMAS[places] ** -2), tilt.information, tilt.information, heading.information]
-    )
-    x: Array = np.zeros(len(prior))
+    known = prior(SIGMAS[places], (tilt, tilt, heading))
+    x: Array = np.zeros(len(places))
+    swing: Array = np.zeros((knots.number, 3))
     moves = rows.share[:, 0] > 0.0
     noise = np.full(len(y), REST_M_S)
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
-        r = y - J @ x
+        r = _left(y, own @ x, turned, knots.at_rows(swing))
         length = np.linalg.norm(r, axis=1)
         if moves.any():  # not in a part of a flight at rest
             noise[moves] = max(noise_of(length[moves], np.ones(moves.sum())), MIN_NOISE_M_S)
         weight = robust(length, noise, start)
-        A, g = normal(J, (weight / noise**2)[:, None, None], y)
-        before, x = x, np.linalg.solve(A + prior, g)
-        if start == 1.0 and np.abs(x - before).max(initial=0.0) < SETTLED:
+        w = weight / noise**2
+        shown = normal(own, turned, knots, w, y)
+        before = np.concatenate((x, swing.ravel()))
+        x, found = shown.plus(known).reduced().solved()
+        swing = found.reshape(swing.shape)
+        moved = np.abs(np.concatenate((x, found)) - before)
+        if start == 1.0 and moved.max(initial=0.0) < SETTLED:
             break
-    r = y - J @ x
+    r = _left(y, own @ x, turned, knots.at_rows(swing))
     inflated = longer(rows.flight, rows.t_s, r / noise[:, None], weight, len(places))
-    own = np.linalg.inv(A / inflated + prior)
     covariance = np.zeros((COUNT, COUNT))
-    covariance[np.ix_(places, places)] = own[: len(places), : len(places)]
-    w = (weight / noise**2)[:, None, None]
+    whole = shown.times(1.0 / inflated).plus(known)
+    covariance[np.ix_(places, places)] = np.linalg.inv(whole.reduced().own)
     lasting = np.zeros(COUNT)
     for part in np.array_split(np.arange(len(y)), PARTS) if len(places) else ():
-        without = np.linalg.inv((A - normal(J[part], w[part], y[part])[0]) / inflated + prior)
-        lasting[places] = np.fmax(lasting[places], np.sqrt(np.diag(without)[: len(places)]))
+        alone = normal(own[part], turned[part], knots.part(part), w[part], y[part])
+        without = np.linalg.inv(whole.plus(alone, -1.0 / inflated).reduced().own)
+        lasting[places] = np.fmax(lasting[places], np.sqrt(np.diag(without)))
     values = np.zeros(COUNT)
-    values[places] = x[: len(places)]
+    values[places] = x
     return MotionFit(values, covariance, lasting, weight, r)
 
 
-def _rows(
-    rows: MotionRows, angles: tuple[Wander, Wander, Wander], places: NDArray[np.intp]
-) -> Array:
-    """(N, 3, P + K) derivatives of the weighted windows."""
-    own = np.concatenate((rows.offset, rows.scale, -rows.late[:, :, None], rows.arm), axis=2)[
-        :, :, places
-    ]
-    turned = [
-        np.cross(axis, rows.force)[:, :, None] * angle.hats[:, None, :]
-        for axis, angle in zip(np.eye(3), angles, strict=True)
-    ]
-    J: Array = rows.share[:, :, None] * np.concatenate((own, *turned), axis=2)
-    return J
+def _left(y: Array, own: Array, turned: Array, angles: Array) -> Array:
+    """(N, 3) what neither the (N, 3) effect of the values nor the (N, 3) angles explain."""
+    left: Array = y - own - np.einsum("ncm,nm->nc", turned, angles)
+    return left
+
+
+def _derivatives(rows: MotionRows, places: NDArray[np.intp]) -> tuple[Array, Array]:
+    """(N, 3, P) of the weighted windows by the values; (N, 3, 3) by the attitude's error."""
+    values = (rows.offset, rows.scale, -rows.late[:, :, None], rows.arm)
+    own = np.concatenate(values, axis=2)[:, :, places]
+    turned = np.stack([np.cross(axis, rows.force) for axis in np.eye(3)], axis=2)
+    share = rows.share[:, :, None]
+    return share * own, share * turned

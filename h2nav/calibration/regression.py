@@ -7,10 +7,12 @@ and no faster than a gyro drifts.
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from h2nav.calibration.knots import Knots
 
 Array = NDArray[np.floating[Any]]
 Columns = TypeVar("Columns", bound=tuple[Any, ...])
@@ -26,57 +28,28 @@ BLOCK_S, BLOCKS = 30.0, 1_000_000
 SETTLED = 1e-4
 
 
-class Wander(NamedTuple):
-    """A slowly changing error angle of an attitude."""
+def wander(knots: Knots, sigma_rad: Array, least: float) -> tuple[Array, Array]:
+    """Information on a slowly changing error angle of an attitude, rad^-2.
 
-    hats: Array  # (N, K) share of each knot in each row
-    information: Array  # (K, K) of the knots, rad^-2
+    Args:
+        knots: where the angle is a value.
+        sigma_rad: (N,) deviation of the attitude; infinite if unknown.
+        least: lower limit of that, rad.
 
-    @property
-    def knots(self) -> int:
-        """How many."""
-        return len(self.information)
-
-    @classmethod
-    def of(cls, flights: NDArray[np.int64], t_s: Array, sigma_rad: Array, least: float) -> "Wander":
-        """Places knots in each flight.
-
-        Args:
-            flights: (N,) number of each row's flight.
-            t_s: (N,) increasing within each.
-            sigma_rad: (N,) deviation of the attitude; infinite if unknown.
-            least: lower limit of that, rad.
-        """
-        hats, blocks = [], []
-        for flight in np.unique(flights):
-            number = np.flatnonzero(flights == flight)
-            own_s = t_s[number]
-            count = max(2, math.ceil((own_s[-1] - own_s[0]) / KNOT_S) + 1)
-            at_s = np.linspace(own_s[0], max(own_s[-1], own_s[0] + 1e-3), count)
-            place = np.clip(np.searchsorted(at_s, own_s, side="right") - 1, 0, count - 2)
-            share = (own_s - at_s[place]) / (at_s[1] - at_s[0])
-            hat = np.zeros((len(t_s), count))
-            hat[number, place], hat[number, place + 1] = 1.0 - share, share
-            near = np.clip(np.searchsorted(own_s, at_s), 0, len(own_s) - 1)
-            sigma = sigma_rad[number][near]
-            sigma = np.where(np.isfinite(sigma), sigma, LARGEST_SIGMA_RAD)
-            hats.append(hat)
-            blocks.append(_process(sigma.clip(least, LARGEST_SIGMA_RAD), float(at_s[1] - at_s[0])))
-        return cls(np.hstack(hats), block_diagonal(blocks))
-
-
-def _process(sigma_rad: Array, step_s: float) -> Array:
-    """Information matrix of knots at this distance."""
-    hold = math.exp(-step_s / HOLDS_S)
-    count = len(sigma_rad)
-    # x / sigma is a stationary process: its first value, and each step.
-    rows = np.eye(count)
-    rows[np.arange(1, count), np.arange(count - 1)] = -hold
-    rows[1:] /= math.sqrt(1.0 - hold**2)
-    rows /= sigma_rad[None, :]
-    drift = np.diff(np.eye(count), axis=0) / (DRIFT_RAD_S * step_s)
-    information: Array = rows.T @ rows + drift.T @ drift
-    return information
+    Returns:
+        (K,) of each knot, and (K,) with the next one.
+    """
+    sigma = sigma_rad[knots.row]
+    sigma = np.where(np.isfinite(sigma), sigma, LARGEST_SIGMA_RAD).clip(least, LARGEST_SIGMA_RAD)
+    begins, ends = knots.begins, np.roll(knots.begins, -1)
+    # angle / sigma is a stationary process: its first value, and each step.
+    hold = np.exp(-knots.step_s / HOLDS_S)
+    fresh = 1.0 / (1.0 - hold**2)
+    own = np.where(begins, 1.0, fresh) + np.where(ends, 0.0, fresh * hold**2)
+    drift = (DRIFT_RAD_S * knots.step_s) ** -2
+    diagonal = own / sigma**2 + drift * (2.0 - begins - ends)
+    beside = -(fresh * hold / (sigma * np.roll(sigma, -1)) + drift)
+    return diagonal, np.where(ends, 0.0, beside)
 
 
 def together(rows: Sequence[Columns]) -> Columns:
@@ -96,24 +69,6 @@ def halves_of(rows: Columns) -> tuple[Columns, Columns]:
     places = np.arange(len(rows[0]))
     later = places >= len(places) // 2
     return part_of(rows, ~later), part_of(rows, later)
-
-
-def block_diagonal(blocks: list[Array]) -> Array:
-    """Block-diagonal matrix of square blocks."""
-    size = sum(map(len, blocks))
-    found = np.zeros((size, size))
-    first = 0
-    for block in blocks:
-        found[first : first + len(block), first : first + len(block)] = block
-        first += len(block)
-    return found
-
-
-def normal(J: Array, w: Array, r: Array) -> tuple[Array, Array]:
-    """(P, P) information and (P,) gradient of weighted rows."""
-    flat = J.reshape(-1, J.shape[2])
-    weighted = (J * w).reshape(flat.shape)
-    return weighted.T @ flat, weighted.T @ r.ravel()
 
 
 def noise_of(length: Array, balance: Array) -> float:
