@@ -32,7 +32,6 @@ CLAIMED_M_S = 1.5
 # Two receivers differ beyond this for this long; places of their antennas and rates included.
 APART_M = 30.0
 APART_M_S = 3.0
-APART_US = 5_000_000
 GPS = Sensor(SensorKind.GPS)
 
 

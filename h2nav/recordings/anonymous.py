@@ -20,7 +20,6 @@ WEEK_S = 604_800
 # A field that may hold a latitude, or anything else, holds one within this of the flight.
 NEAR_DEG = 5.0
 DEG_E7 = 1e7
-UNKNOWN_INT = 2**31 - 1
 # Microseconds and nanoseconds of UNIX time, 2001 to 2286; since boot they are less.
 UNIX_US, UNIX_NS = (10**15, 10**16), (10**18, 10**19)
 MIN_WEEK = 1_000  # of GPS: 1999

@@ -381,7 +381,6 @@ _CURR = {
     "remaining": column("RemPct", scale=CENTI, least=0.0, most=1.0, may_lack=True),
 }
 _VIBE = {"level": column("VibeX", "VibeY", "VibeZ")}
-_CLIPS = {"level": UNKNOWN_AXES, "clipped": column("Clip{0}")}
 _ESC = {
     "rpm": column("RPM"),
     "current_a": column("Curr", may_lack=True),

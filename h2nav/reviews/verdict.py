@@ -193,10 +193,6 @@ def _lay(crash: Finding, analysis: Analysis) -> str:
     return " and came to lie on its side" if tilt > LYING_RAD else ""
 
 
-def _lower(text: str) -> str:
-    return text[:1].lower() + text[1:]
-
-
 def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
     """How control was lost, or that it was not."""
     lost = next((one for one in found if one.id == crash.cause), None)
