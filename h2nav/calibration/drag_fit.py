@@ -84,11 +84,11 @@ def fitted_drag(rows: DragRows, *, is_whole_speed: bool) -> DragFit:
         noise = max(float(np.median(length)) / MEDIAN_OF_TWO, MIN_NOISE_M_S2)
         weight = robust(length, noise, 1.0)
         shown = normal(own, by_wind, knots, weight / noise**2, r)
-        step, turn = shown.plus(known).against(known, x, wind_n.ravel()).reduced().solved()
+        step, turn = shown.plus(known).against(known, x, wind_n).reduced().solved()
         # A wind beyond any leads nowhere.
         reach = min(1.0, 5.0 / max(float(np.abs(turn).max()), 1e-9))
         x = x + step * reach
-        wind_n = wind_n + turn.reshape(wind_n.shape) * reach
+        wind_n = wind_n + turn * reach
         before, cost = cost, float(max(np.abs(step).max(), np.abs(turn).max()))
         if cost < SETTLED or cost == before:
             break
@@ -101,7 +101,7 @@ def fitted_drag(rows: DragRows, *, is_whole_speed: bool) -> DragFit:
         x,
         np.sqrt(np.diag(np.linalg.inv(left.reduced().own))),
         at_rows_n,
-        np.sqrt(0.5 * knots.variance(left.covariance(), 2).sum(axis=1)),
+        np.sqrt(0.5 * knots.variance(left.covariance()).sum(axis=1)),
         v_b,
         r,
         weight,

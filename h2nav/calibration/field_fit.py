@@ -148,7 +148,11 @@ def fitted(
     places = np.flatnonzero(free)
     known = prior(np.concatenate((sigma[places], STRAY_SIGMAS)), [heading])
     # Values and strays, and the heading error at its knots.
-    x, strayed, swing = centre.values.copy(), np.zeros(len(STRAY_SIGMAS)), np.zeros(knots.number)
+    x, strayed, swing = (
+        centre.values.copy(),
+        np.zeros(len(STRAY_SIGMAS)),
+        np.zeros((knots.number, 1)),
+    )
     active = np.ones(len(known.own), dtype=bool)
     # A matrix and an earth's field that shrink together would reduce any noise.
     active[EARTH] = not free[MATRIX].any()
@@ -157,7 +161,7 @@ def fitted(
     balance = _balanced(rows.earth_ut)
     noise_ut = math.inf
     for start in (*np.repeat(STARTS, ROUNDS), *[1.0] * LAST_ROUNDS):
-        r, own, turned = _linear(rows, x, knots.at_rows(swing), strayed, lever, places)
+        r, own, turned = _linear(rows, x, knots.at_rows(swing)[:, 0], strayed, lever, places)
         length = np.linalg.norm(r, axis=1)
         noise_ut = max(noise_of(length, balance), MIN_NOISE_UT)
         fits = robust(length, noise_ut, start)
@@ -170,7 +174,7 @@ def fitted(
         moved = max(np.abs(step).max(initial=0.0), np.abs(turn).max(initial=0.0))
         if start == 1.0 and moved < SETTLED:
             break
-    angle = knots.at_rows(swing)
+    angle = knots.at_rows(swing)[:, 0]
     r, _, _ = _linear(rows, x, angle, strayed, lever, places)
     inflated = longer(rows.flight, rows.t_s, r, balance * fits, len(places))
     covariance = np.zeros((COUNT, COUNT))
@@ -179,7 +183,7 @@ def fitted(
     apart = np.concatenate((x[places] - centre.values[places], strayed))
     pulled, swung = known.product(apart, swing)
     cost = float((balance * fits) @ (r**2).sum(axis=1)) / noise_ut**2
-    cost += float(apart @ pulled + swing @ swung)
+    cost += float(apart @ pulled + (swing * swung).sum())
     return FieldFit(correction(x), covariance, angle, fits, r, cost)
 
 

@@ -1,8 +1,8 @@
 """Least squares of a few values with slow ones beside them, such as a heading's error or the wind.
 
 The slow ones are interpolated between knots, so that a row sees two knots and the few values. The
-normal equations are a band with a border: solved in a time that grows with the length of a flight,
-where a full matrix takes its third power.
+normal equations are blocks along a diagonal with a border: solved in a time that grows with the
+length of a flight, where a full matrix takes its third power.
 """
 
 import math
@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
-from scipy.sparse import csr_array
 
 Array = NDArray[np.floating[Any]]
 
@@ -72,36 +70,37 @@ class Knots(NamedTuple):
         same = self._sums(((1.0 - later) ** 2, later**2), rows)
         return same, self._sums(((1.0 - later) * later, np.zeros_like(later)), rows)
 
-    def variance(self, covariance: Array, kinds: int) -> Array:
-        """(N, M) of what is interpolated, by the (K M, K M) covariance at the knots."""
-        number = kinds * self.place[:, None] + np.arange(kinds)
-        later, share = number + kinds, self.share[:, None]
-        found: Array = (1.0 - share) ** 2 * covariance[number, number]
-        found += share**2 * covariance[later, later]
-        found += 2.0 * share * (1.0 - share) * covariance[number, later]
+    def variance(self, covariance: Array) -> Array:
+        """(N, M) of what is interpolated, by the (K, M, K, M) covariance at the knots."""
+        kinds, place, share = (
+            np.arange(covariance.shape[1]),
+            self.place[:, None],
+            self.share[:, None],
+        )
+        found: Array = (1.0 - share) ** 2 * covariance[place, kinds, place, kinds]
+        found += share**2 * covariance[place + 1, kinds, place + 1, kinds]
+        found += 2.0 * share * (1.0 - share) * covariance[place, kinds, place + 1, kinds]
         return found
 
     def _sums(self, shares: tuple[Array, Array], rows: Array) -> Array:
-        number = np.arange(len(rows))
-        spread = csr_array(
-            (
-                np.concatenate(shares),
-                (np.concatenate((self.place, self.place + 1)), np.concatenate((number, number))),
-            ),
-            shape=(self.number, len(rows)),
-        )
-        flat: Array = spread @ rows.reshape(len(rows), -1)
-        return flat.reshape(self.number, *rows.shape[1:])
+        flat = rows.reshape(len(rows), -1)
+        size = flat.shape[1]
+        number = self.place[:, None] * size + np.arange(size)
+        sums: Array = np.zeros(self.number * size)
+        for share, place in zip(shares, (number, number + size), strict=True):
+            sums += np.bincount(place.ravel(), (share[:, None] * flat).ravel(), len(sums))
+        return sums.reshape(self.number, *rows.shape[1:])
 
 
 class Bordered(NamedTuple):
-    """Normal equations of P values and of M at each of K knots; the latter in the knots' order."""
+    """Normal equations of P values and of M at each of K knots."""
 
     own: Array  # (P, P)
-    across: Array  # (K M, P)
-    band: Array  # (2 M, K M) the diagonal and those below it
+    across: Array  # (K, M, P)
+    same: Array  # (K, M, M) of each knot
+    later: Array  # (K, M, M) with the next one, symmetric; the last is 0
     own_gradient: Array  # (P,)
-    gradient: Array  # (K M,)
+    gradient: Array  # (K, M)
 
     def plus(self, other: "Bordered", share: float = 1.0) -> "Bordered":
         """The sum of both, the other times a share."""
@@ -111,6 +110,13 @@ class Bordered(NamedTuple):
         """All of it times a factor."""
         return Bordered(*(factor * each for each in self))
 
+    def product(self, own: Array, knots: Array) -> tuple[Array, Array]:
+        """(P,) and (K, M): the matrix times these values."""
+        swing = np.einsum("kab,kb->ka", self.same, knots) + self.across @ own
+        swing[1:] += np.einsum("kab,kb->ka", self.later[:-1], knots[:-1])
+        swing[:-1] += np.einsum("kab,kb->ka", self.later[:-1], knots[1:])
+        return self.own @ own + np.einsum("kmp,km->p", self.across, knots), swing
+
     def against(self, known: "Bordered", own: Array, knots: Array) -> "Bordered":
         """With the pull of what is known beforehand back from these values."""
         pulled, swung = known.product(own, knots)
@@ -118,32 +124,26 @@ class Bordered(NamedTuple):
             own_gradient=self.own_gradient - pulled, gradient=self.gradient - swung
         )
 
-    def product(self, own: Array, knots: Array) -> tuple[Array, Array]:
-        """(P,) and (K M,): the matrix times these values."""
-        swing = self.band[0] * knots
-        for k in range(1, len(self.band)):
-            swing[k:] += self.band[k, :-k] * knots[:-k]
-            swing[:-k] += self.band[k, :-k] * knots[k:]
-        return self.own @ own + self.across.T @ knots, self.across @ own + swing
-
     def reduced(self) -> "Reduced":
         """What is left of them for the own values once the knots are eliminated."""
-        sides = np.column_stack((self.across, self.gradient))
-        solved = solveh_banded(self.band, sides, lower=True, check_finite=False)
-        slope, at_zero = solved[:, :-1], solved[:, -1]
+        sides = np.concatenate((self.across, self.gradient[:, :, None]), axis=2)
+        solved = _solved(self.same, self.later[:-1], sides)
+        slope, at_zero = solved[:, :, :-1], solved[:, :, -1]
         return Reduced(
-            self.own - self.across.T @ slope,
-            self.own_gradient - self.across.T @ at_zero,
+            self.own - np.einsum("kmp,kmq->pq", self.across, slope),
+            self.own_gradient - np.einsum("kmp,km->p", self.across, at_zero),
             slope,
             at_zero,
         )
 
     def covariance(self) -> Array:
-        """(K M, K M) of the values at the knots, the own values being as uncertain as they are."""
+        """(K, M, K, M) of the knots, the own values being as uncertain as they are."""
         left = self.reduced()
-        alone = solveh_banded(self.band, np.eye(len(self.gradient)), lower=True)
-        found: Array = alone + left.slope @ np.linalg.solve(left.own, left.slope.T)
-        return found
+        K, M = self.gradient.shape
+        alone = _solved(self.same, self.later[:-1], np.eye(K * M).reshape(K, M, K * M))
+        slope = left.slope.reshape(K * M, -1)
+        both = alone.reshape(K * M, K * M) + slope @ np.linalg.solve(left.own, slope.T)
+        return both.reshape(K, M, K, M)
 
 
 class Reduced(NamedTuple):
@@ -151,11 +151,11 @@ class Reduced(NamedTuple):
 
     own: Array  # (P, P) information; its inverse is the covariance
     gradient: Array  # (P,)
-    slope: Array  # (K M, P)
-    at_zero: Array  # (K M,)
+    slope: Array  # (K, M, P)
+    at_zero: Array  # (K, M)
 
     def solved(self, free: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """(P,) values, and (K M,) knots.
+        """(P,) values, and (K, M) knots.
 
         Args:
             free: (P,) those to solve for; the others are 0. All without.
@@ -178,14 +178,12 @@ def normal(own: Array, turned: Array, knots: Knots, w: Array, r: Array) -> Borde
     size = (own.shape[0] * own.shape[1], own.shape[2])
     weighted, pushed = own * w[:, None, None], turned * w[:, None, None]
     flat = weighted.reshape(size)
-    across = knots.gathered(np.einsum("ncm,ncp->nmp", turned, weighted))
-    same, later = knots.squared(np.einsum("nca,ncb->nab", turned, pushed))
     return Bordered(
         flat.T @ own.reshape(size),
-        across.reshape(knots.number * turned.shape[2], size[1]),
-        _band(same, later),
+        knots.gathered(np.einsum("ncm,ncp->nmp", turned, weighted)),
+        *knots.squared(np.einsum("nca,ncb->nab", turned, pushed)),
         flat.T @ r.ravel(),
-        knots.gathered(np.einsum("ncm,nc->nm", pushed, r)).reshape(-1),
+        knots.gathered(np.einsum("ncm,nc->nm", pushed, r)),
     )
 
 
@@ -196,23 +194,41 @@ def prior(sigma: Array, blocks: Sequence[tuple[Array, Array]]) -> Bordered:
         sigma: (P,) deviations of the own values.
         blocks: of each of the M: (K,) diagonal, and (K,) with the next knot.
     """
-    K, M = len(blocks[0][0]), len(blocks)
+    P, K, M = len(sigma), len(blocks[0][0]), len(blocks)
     same, later = np.zeros((K, M, M)), np.zeros((K, M, M))
     for m, (diagonal, beside) in enumerate(blocks):
         same[:, m, m], later[:, m, m] = diagonal, beside
-    own, size = np.diag(sigma**-2), K * M
-    return Bordered(
-        own, np.zeros((size, len(own))), _band(same, later), np.zeros(len(own)), np.zeros(size)
-    )
+    own = np.diag(np.asarray(sigma) ** -2.0)
+    return Bordered(own, np.zeros((K, M, P)), same, later, np.zeros(P), np.zeros((K, M)))
 
 
-def _band(same: Array, later: Array) -> Array:
-    """(2 M, K M) of the (K, M, M) blocks of the knots, and of each with the next."""
-    K, M, _ = same.shape
-    band = np.zeros((2 * M, K * M))
-    for a in range(M):
-        for b in range(M):
-            if a >= b:
-                band[a - b, b::M] = same[:, a, b]
-            band[M + a - b, b : (K - 1) * M : M] = later[:-1, a, b]
-    return band
+def _solved(same: Array, later: Array, sides: Array) -> Array:
+    """Solves a symmetric positive definite block tridiagonal system by cyclic reduction.
+
+    Every second block is eliminated, all of them at once, until one is left.
+
+    Args:
+        same: (K, M, M) the diagonal.
+        later: (K - 1, M, M) below it.
+        sides: (K, M, R) right-hand sides.
+    """
+    if len(same) == 1:
+        alone: Array = np.linalg.solve(same, sides)
+        return alone
+    M, found = same.shape[1], np.empty_like(sides)
+    # Of each odd block, with the one before it, and of the one after it with that; the last odd
+    # block may have none after it.
+    before, after = later[0::2], later[1::2]
+    above = np.concatenate((after.mT, np.zeros((len(before) - len(after), M, M))))
+    parts = np.linalg.solve(same[1::2], np.concatenate((before, above, sides[1::2]), axis=2))
+    to_before, to_after, free = parts[:, :, :M], parts[:, :, M : 2 * M], parts[:, :, 2 * M :]
+    kept, left = same[0::2].copy(), sides[0::2].copy()
+    kept[: len(before)] -= before.mT @ to_before
+    left[: len(before)] -= before.mT @ free
+    kept[1:] -= after @ to_after[: len(after)]
+    left[1:] -= after @ free[: len(after)]
+    found[0::2] = _solved(kept, -(after @ to_before[: len(after)]), left)
+    even = found[0::2]
+    found[1::2] = free - to_before @ even[: len(before)]
+    found[1::2][: len(after)] -= to_after[: len(after)] @ even[1:]
+    return found

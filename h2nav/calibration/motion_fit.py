@@ -86,9 +86,8 @@ def fitted(rows: MotionRows, free: Mask) -> MotionFit:
         w = weight / noise**2
         shown = normal(own, turned, knots, w, y)
         before = np.concatenate((x, swing.ravel()))
-        x, found = shown.plus(known).reduced().solved()
-        swing = found.reshape(swing.shape)
-        moved = np.abs(np.concatenate((x, found)) - before)
+        x, swing = shown.plus(known).reduced().solved()
+        moved = np.abs(np.concatenate((x, swing.ravel())) - before)
         if start == 1.0 and moved.max(initial=0.0) < SETTLED:
             break
     r = _left(y, own @ x, turned, knots.at_rows(swing))

@@ -50,7 +50,9 @@ def test_the_values_are_those_of_the_full_matrix():
     A, known, gradient = full()
     expected = np.linalg.solve(A + known, gradient)
     own, knots = SHOWN.plus(KNOWN).reduced().solved()
-    np.testing.assert_allclose(np.concatenate((own, knots)), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        np.concatenate((own, knots.ravel())), expected, rtol=1e-9, atol=1e-12
+    )
 
 
 def test_some_values_can_be_held_at_zero():
@@ -60,7 +62,9 @@ def test_some_values_can_be_held_at_zero():
     expected = np.zeros(len(A))
     expected[places] = np.linalg.solve((A + known)[np.ix_(places, places)], gradient[places])
     own, knots = SHOWN.plus(KNOWN).reduced().solved(free)
-    np.testing.assert_allclose(np.concatenate((own, knots)), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        np.concatenate((own, knots.ravel())), expected, rtol=1e-9, atol=1e-12
+    )
 
 
 def test_the_deviations_are_those_of_the_full_matrix():
@@ -71,10 +75,12 @@ def test_the_deviations_are_those_of_the_full_matrix():
         np.linalg.inv(left.reduced().own), expected[:VALUES, :VALUES], rtol=1e-9
     )
     at_knots = expected[VALUES:, VALUES:]
-    np.testing.assert_allclose(left.covariance(), at_knots, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(
+        left.covariance().reshape(at_knots.shape), at_knots, rtol=1e-7, atol=1e-12
+    )
     by_kind = [at_knots[kind::KINDS, kind::KINDS] for kind in range(KINDS)]
     variance = np.stack([np.einsum("nk,kl,nl->n", hats(), C, hats()) for C in by_kind], axis=1)
-    np.testing.assert_allclose(KNOTS.variance(left.covariance(), KINDS), variance, rtol=1e-7)
+    np.testing.assert_allclose(KNOTS.variance(left.covariance()), variance, rtol=1e-7)
 
 
 def test_a_part_of_the_rows_can_be_taken_away():
@@ -89,17 +95,13 @@ def test_a_part_of_the_rows_can_be_taken_away():
 
 def test_values_pull_back_to_what_is_known():
     _, known, _ = full()
-    own, knots = RNG.normal(size=VALUES), RNG.normal(size=KINDS * KNOTS.number)
-    expected = known @ np.concatenate((own, knots))
-    np.testing.assert_allclose(np.concatenate(KNOWN.product(own, knots)), expected, atol=1e-12)
-    pulled = SHOWN.against(KNOWN, own, knots)
-    np.testing.assert_allclose(
-        np.concatenate(
-            (SHOWN.own_gradient - pulled.own_gradient, SHOWN.gradient - pulled.gradient)
-        ),
-        expected,
-        atol=1e-12,
-    )
+    own, knots = RNG.normal(size=VALUES), RNG.normal(size=(KNOTS.number, KINDS))
+    expected = known @ np.concatenate((own, knots.ravel()))
+    pulled, swung = KNOWN.product(own, knots)
+    np.testing.assert_allclose(np.concatenate((pulled, swung.ravel())), expected, atol=1e-12)
+    against = SHOWN.against(KNOWN, own, knots)
+    np.testing.assert_allclose(against.own_gradient, SHOWN.own_gradient - pulled)
+    np.testing.assert_allclose(against.gradient, SHOWN.gradient - swung)
 
 
 def test_without_own_values_the_knots_are_solved_alone():
@@ -108,7 +110,7 @@ def test_without_own_values_the_knots_are_solved_alone():
     own, knots = shown.plus(prior(SIGMA[:0], BLOCKS)).reduced().solved()
     expected = np.linalg.solve((A + known)[VALUES:, VALUES:], gradient[VALUES:])
     assert not len(own)
-    np.testing.assert_allclose(knots, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(knots.ravel(), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_knots_are_even_within_each_flight_and_join_none():
@@ -134,3 +136,16 @@ def test_a_single_moment_has_two_knots(rows: int):
     knots = Knots.of(np.zeros(rows, np.int64), np.full(rows, 5.0), 10.0)
     assert knots.number == 2
     np.testing.assert_allclose(knots.at_rows(np.array((3.0, 9.0))), 3.0)
+
+
+@pytest.mark.parametrize("count", range(2, 10))
+def test_any_number_of_knots_is_solved(count: int):
+    knots = Knots.of(np.zeros(ROWS, np.int64), np.linspace(0.0, 10.0 * (count - 1), ROWS), 10.0)
+    assert knots.number == count
+    known = prior(SIGMA, [(np.full(count, 2.0), beside(knots))] * KINDS)
+    whole = normal(OWN, TURNED, knots, WEIGHT, LEFT).plus(known)
+    own, swing = whole.reduced().solved()
+    for found, expected in zip(
+        whole.product(own, swing), (whole.own_gradient, whole.gradient), strict=True
+    ):
+        np.testing.assert_allclose(found, expected, atol=1e-9)
