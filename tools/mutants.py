@@ -1,9 +1,10 @@
 """Puts small faults into h2nav, one at a time, and shows those that no test notices.
 
 ``make mutants ROOMS=service,wire N=300 SEED=1``. Lines of the rooms are drawn at random, and one
-mutant of each. It faces the tests that run its line, in a copy of the repository: first those of
-its room that import the module, then (without ``--near``) all of its room. Golden files and
-processes are no judges here: what only they notice is not stated by any test. Verdicts are kept in
+mutant of each. In a copy of the repository it faces first what ``make test`` runs of those files of
+its room that import the module; then (without ``--near``) the tests of all its room that run its
+line, which takes hours to find out. Golden files and processes are no judges here: what only they
+notice is not stated by any test. Verdicts are kept in
 ``.mutants/`` and reused until the module (for a survivor: the tests) changes, so a run that was
 broken off goes on. Survivors that were found to be equivalent stand in
 ``tools/mutation/equivalent.yaml`` with their reasons.
@@ -19,7 +20,7 @@ import random
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import chain
 from pathlib import Path
@@ -27,7 +28,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 import yaml
-from mutation.line_map import LineMap, nearest, record, test_files
+from mutation.line_map import QUICK, Chosen, LineMap, nearest, own_first, record, test_files
 from mutation.operators import Mutant, code_lines, mutants
 from mutation.trial import Verdict, Workplace, change, diff
 from tqdm import tqdm
@@ -36,6 +37,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 KEPT = REPOSITORY / ".mutants"
 EQUIVALENT = REPOSITORY / "tools" / "mutation" / "equivalent.yaml"
 BUDGET_S = 30.0  # of the processor, for the tests that a mutant faces
+NEAR_BUDGET_S = 4.0  # the same for the quick ones
 KILLED = ("killed", "timeout")
 NEAR, ROOM = "near", "room"  # which tests a mutant faces
 
@@ -151,7 +153,7 @@ def main() -> int:
     parser.add_argument("-n", type=int, default=300, metavar="N", help="how many mutants")
     parser.add_argument("--seed", type=int, default=1, metavar="SEED", help="of the draw")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many at once")
-    parser.add_argument("--near", action="store_true", help="only tests that import the module")
+    parser.add_argument("--near", action="store_true", help="only what is near the module")
     args = parser.parse_args()
     rooms = [ROOMS[name] for name in args.rooms.split(",")]
     reasons = equivalents()
@@ -218,32 +220,59 @@ def _tried(
 ) -> Iterator[tuple[Mutant, Verdict]]:
     """Each mutant with its verdict, as they come; `suites` are those of each module's room."""
     with tempfile.TemporaryDirectory(prefix="h2nav-mutants-") as folder:
+        places = [
+            Workplace(REPOSITORY, Path(folder) / str(number), compiled) for number in range(jobs)
+        ]
         free: SimpleQueue[Workplace] = SimpleQueue()
-        for number in range(jobs):
-            free.put(Workplace(REPOSITORY, Path(folder) / str(number), compiled))
-        sound = Workplace(REPOSITORY, Path(folder) / "sound", compiled).folder
+        for place in places:
+            free.put(place)
+        sound = places[0].folder
         files = {module: test_files(sound, found) for module, found in suites.items()}
-        if reach == NEAR:
-            files = {module: nearest(sound, module, found) for module, found in files.items()}
-        recordings = record(
-            sound, KEPT / "lines", sorted({*chain(*files.values())}), jobs, compiled
-        )
-        lines = {
-            module: LineMap(sound, [recordings[path] for path in found], BUDGET_S)
-            for module, found in files.items()
-        }
+        choose = _running(sound, files, jobs, compiled) if reach == ROOM else _near(sound, files)
 
         def tried(mutant: Mutant) -> tuple[Mutant, Verdict]:
             workplace = free.get()
             try:
-                return mutant, workplace.judge(mutant, lines[mutant.module].choose(mutant))
+                return mutant, workplace.judge(mutant, choose(mutant))
             finally:
                 free.put(workplace)
 
+        progress = tqdm(total=len(sample), desc=reach, unit="mutant")
+        if reach == NEAR:
+            left = []
+            for room in sorted(set(suites.values())):
+                own = [mutant for mutant in sample if suites[mutant.module] == room]
+                tasks = [(mutant, choose(mutant).tests) for mutant in own]
+                for mutant, verdict in zip(own, places[0].judge_forked(tasks), strict=True):
+                    if verdict is None:
+                        left.append(mutant)
+                    else:
+                        progress.update()
+                        yield mutant, verdict
+            sample = left
         with ThreadPoolExecutor(jobs) as pool:
-            done = as_completed([pool.submit(tried, mutant) for mutant in sample])
-            for future in tqdm(done, total=len(sample), desc=reach, unit="mutant"):
+            for future in as_completed([pool.submit(tried, mutant) for mutant in sample]):
+                progress.update()
                 yield future.result()
+
+
+def _near(sound: Path, files: Mapping[str, Sequence[Path]]) -> Callable[[Mutant], Chosen]:
+    """The quick tests of the files next to a mutant's module."""
+    near = {module: nearest(sound, module, found) for module, found in files.items()}
+    tests = {module: tuple(own_first(sound, module, found)) for module, found in near.items()}
+    return lambda mutant: Chosen(tests[mutant.module], budget_s=NEAR_BUDGET_S, options=QUICK)
+
+
+def _running(
+    sound: Path, files: Mapping[str, Sequence[Path]], jobs: int, compiled: bool
+) -> Callable[[Mutant], Chosen]:
+    """The tests that run a mutant's line, of all that run once to find out."""
+    recordings = record(sound, KEPT / "lines", sorted({*chain(*files.values())}), jobs, compiled)
+    lines = {
+        module: LineMap(sound, [recordings[path] for path in found], BUDGET_S)
+        for module, found in files.items()
+    }
+    return lambda mutant: lines[mutant.module].choose(mutant)
 
 
 def report(

@@ -10,6 +10,7 @@ import ast
 import functools
 import hashlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from mutation.operators import Mutant
 # A browser is a process: what only it notices is not stated by any test.
 NO_JUDGES = frozenset({"test_page_in_browser.py"})
 TOOLS = Path(__file__).resolve().parent.parent
+QUICK = ("-m", "not thorough")  # the lane of `make test`
 ARGUMENTS = ("-q", "-p", "no:cacheprovider", "-p", "pytest_timeout")
 
 
@@ -32,22 +34,28 @@ class Chosen(NamedTuple):
     """The tests that judge one mutant.
 
     Attributes:
-        tests: pytest's node ids, in the order in which they run.
+        tests: files or pytest's node ids, in the order in which they run.
         slowest_s: what the slowest of them took on the sound package, by the clock.
         slowest_processor_s: the same by the processor.
+        budget_s: no test is begun after so much of the processor.
+        options: further ones for pytest.
     """
 
     tests: tuple[str, ...]
-    slowest_s: float
-    slowest_processor_s: float
+    slowest_s: float = 0.0
+    slowest_processor_s: float = 0.0
+    budget_s: float = math.inf
+    options: tuple[str, ...] = ()
 
-    def only(self, tests: Set[str]) -> "Chosen":
-        """Some of the tests, with the same limits."""
-        return self._replace(tests=tuple(test for test in self.tests if test in tests))
+    def only(self, test: str) -> "Chosen":
+        """One test, with the same limits."""
+        return self._replace(tests=(test,))
 
     def without(self, tests: Set[str]) -> "Chosen":
         """The other tests, with the same limits."""
-        return self.only(set(self.tests) - tests)
+        left = tuple(test for test in self.tests if test not in tests)
+        left_out = tuple(f"--deselect={test}" for test in sorted(tests))
+        return self._replace(tests=left, options=(*self.options, *left_out))
 
 
 class LineMap:
@@ -196,6 +204,16 @@ def test_files(repository: Path, suites: Iterable[str]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
+def own_first(repository: Path, module: str, files: Iterable[Path]) -> list[str]:
+    """Test files, relative to the tree: the own of module and folder first, then the short ones."""
+    names = [f"test_{Path(module).stem}", f"test_{Path(module).parent.name}"]
+
+    def place(path: Path) -> tuple[list[bool], int, Path]:
+        return [not path.stem.startswith(name) for name in names], path.stat().st_size, path
+
+    return [str(path.relative_to(repository)) for path in sorted(files, key=place)]
+
+
 def nearest(repository: Path, module: str, files: Sequence[Path]) -> list[Path]:
     """Those of some test files that import a module or have its name.
 
@@ -205,6 +223,7 @@ def nearest(repository: Path, module: str, files: Sequence[Path]) -> list[Path]:
     package = sorted((repository / "h2nav").rglob("*.py"))
     stem = Path(module).stem
     near = {path for path in files if path.stem.startswith(f"test_{stem}")}
+    near |= _importers(module, files)
     modules, seen = {module}, {module}
     while modules and not near:
         near = {path for one in modules for path in _importers(one, files)}

@@ -2,18 +2,23 @@
 
 import contextlib
 import difflib
+import json
 import multiprocessing
 import os
 import resource
 import shutil
 import signal
+import subprocess
 import sys
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
-from mutation.line_map import ARGUMENTS, Chosen, environment
+from mutation.forks import ELSEWHERE
+from mutation.line_map import ARGUMENTS, QUICK, Chosen, environment
 from mutation.operators import Mutant
 
 COPIED = ("h2nav", "tests", "tools", "configs", "gains", "native", "docs", "pyproject.toml")
@@ -23,6 +28,7 @@ WAIT_S = 60.0  # of the clock: as `TEST_S`, for a mutant that waits for what doe
 WHOLE_S = 1200.0  # of the clock, for all tests of a mutant
 MEMORY_BYTES = 4 << 30
 PASSED = 0  # exit status of pytest, as the following
+NO_TESTS = 5
 # A module that cannot be imported hides the tests that were asked for: a wrong use, to pytest.
 NOTICED = frozenset({1, 2, 4})
 TIMEOUTS = ("from pytest-timeout", "processor timeout")
@@ -59,7 +65,7 @@ class Workplace:
     def __init__(self, repository: Path, folder: Path, compiled: bool) -> None:
         self.folder = folder
         folder.mkdir(parents=True)
-        left_out = ("__pycache__", ".hypothesis", *(() if compiled else ("*.so",)))
+        left_out = (".hypothesis", *(() if compiled else ("*.so",)))
         ignore = shutil.ignore_patterns(*left_out)
         for name in COPIED:
             source = repository / name
@@ -82,14 +88,48 @@ class Workplace:
                 return Verdict("undecided")
             if status == PASSED:
                 return Verdict("survived")
+            if status == NO_TESTS:
+                break
             if status not in NOTICED and status >= 0:
                 raise RuntimeError(f"pytest ended with {status}:\n{output[-2000:]}")
             lost = _lost(output)
             by = _first_failure(output)
-            if not lost and ("::" not in by or self._run(chosen.only({by}))[0] == PASSED):
+            if not lost and ("::" not in by or self._run(chosen.only(by))[0] == PASSED):
                 return Verdict("timeout" if any(m in output for m in TIMEOUTS) else "killed", by)
             chosen = chosen.without(lost or {by})
         return Verdict("untested")
+
+    def judge_forked(
+        self, tasks: Sequence[tuple[Mutant, Sequence[str]]]
+    ) -> Iterator[Verdict | None]:
+        """Mutants, each with its test files, in forks of one pytest (`forks`), as they come.
+
+        None where that cannot tell: `judge` has to.
+        """
+        files = sorted({file for _, own in tasks for file in own})
+        asked, said = self.folder / "forks-in.json", self.folder / "forks-out.jsonl"
+        asked.write_text(json.dumps(tasks), encoding="utf-8")
+        said.write_text("", encoding="utf-8")
+        command = [sys.executable, "-m", "pytest", *ARGUMENTS, *QUICK, "-p", "mutation.forks"]
+        with (self.folder / "output.txt").open("w") as output, said.open(encoding="utf-8") as lines:
+            process = subprocess.Popen(
+                [*command, *files],
+                cwd=self.folder,
+                env=self._environment | {"FORKS_IN": str(asked), "FORKS_OUT": str(said)},
+                stdout=output,
+                stderr=output,
+            )
+            try:
+                for _ in tasks:
+                    line = lines.readline()
+                    while not line and process.poll() is None:
+                        time.sleep(0.1)
+                        line = lines.readline()
+                    fate, by = json.loads(line or f'["{ELSEWHERE}", ""]')
+                    yield None if fate == ELSEWHERE else Verdict(fate, by)
+            finally:
+                process.kill()
+                process.wait()
 
     def _try(self, mutant: Mutant, chosen: Chosen) -> tuple[int | None, str]:
         path = self.folder / mutant.module
@@ -113,9 +153,11 @@ class Workplace:
         limits = {
             "--timeout": WAIT_S + SLOWER * chosen.slowest_s,
             "--processor-s": TEST_S + SLOWER * chosen.slowest_processor_s,
+            "--budget-s": chosen.budget_s,
         }
         arguments = [*ARGUMENTS, "-p", "mutation.processor_limit", "-x", "--tb=no"]
         arguments += [f"{name}={limit:g}" for name, limit in limits.items()]
+        arguments += chosen.options
         process = _SERVER.Process(
             target=_pytest,
             args=(self.folder, [*arguments, *chosen.tests], output, self._environment),
