@@ -2,6 +2,7 @@
 
 import json
 import os
+import webbrowser
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,16 @@ def test_the_status_says_whether_something_serious_was_found(
     document = {"findings": [found], "duration_s": 3.0, "verdict": "Bad."}
     monkeypatch.setattr(reviewing, "write_review", lambda *_, **__: document)
     assert main(["review", "x", "-o", str(tmp_path), "--fail-on", word]) == status
+
+
+@pytest.mark.parametrize("words", [(), ("--open",), ("--open", "--json")])
+def test_the_page_is_opened_in_the_browser_on_request_alone(monkeypatch, tmp_path, words):
+    document = {"findings": [], "duration_s": 3.0, "verdict": "Good."}
+    monkeypatch.setattr(reviewing, "write_review", lambda *_, **__: document)
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    assert main(["review", "a/flight.tlog", "-o", str(tmp_path), *words]) == SUCCESS
+    assert opened == ([(tmp_path / "flight.html").as_uri()] if words else [])
 
 
 def test_a_recording_without_an_autopilot_says_why_there_is_no_estimate(tmp_path):

@@ -17,7 +17,7 @@ from h2nav.attitude.kernel_files import (
     VELOCITY_AIDED,
     KernelFiles,
 )
-from h2nav.attitude.native import CompiledStep, compiled_step, native_kernels
+from h2nav.attitude.native import SWITCH, CompiledStep, compiled_or, compiled_step, native_kernels
 from h2nav.attitude.record import in_c, place_of, values
 from h2nav.attitude.samples import EarthField, ImuSample, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -25,6 +25,7 @@ from h2nav.attitude.velocity_aided.gains import VelocityAidedGains, velocity_aid
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 from h2nav.files import gain_files
+from h2nav.integrity import composition
 from tests.needs import absent
 
 Maker = Callable[[CompiledStep | None], AttitudeFilter]
@@ -115,3 +116,14 @@ def test_an_extension_with_another_interface_is_not_used(monkeypatch: pytest.Mon
     older = SimpleNamespace(kernel_digest=native_kernels().kernel_digest, interface=1)
     monkeypatch.setitem(sys.modules, "h2nav.attitude._native", older)
     assert native._current_build.__wrapped__() is None
+
+
+def test_functions_are_the_compiled_ones_of_their_names_or_those_in_python(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compiled = native_kernels()
+    if compiled is not None:
+        assert compiled_or(composition) is compiled
+        assert callable(compiled.compose)
+    monkeypatch.setenv(SWITCH, "forbid")
+    assert compiled_or(composition) is composition

@@ -39,8 +39,15 @@ def drag_force(v_b, whole_speed, density):
     return -(0.5 * density * k * speed + MCOEF * thin) * v_b[:, :2]
 
 
-def flown(parameters=UNSET, kind="dataflash", gusts_m_s=0.6, heading=None, wind=WIND, **how):
-    """A flight whose IMU leans by 1 deg, is off by 0.1 m/s^2, in gusty wind."""
+def flown(
+    parameters=UNSET, kind="dataflash", gusts_m_s=0.6, heading=None, wind=WIND,
+    sure_deg=(0.3, 1.2), **how,
+):  # fmt: skip
+    """A flight whose IMU leans by 1 deg, is off by 0.1 m/s^2, in gusty wind.
+
+    Args:
+        sure_deg: deviations of the attitude's tilt and heading.
+    """
     t_s = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
     rng = np.random.default_rng(3)
     v_n = steps(t_s, **how)
@@ -75,8 +82,8 @@ def flown(parameters=UNSET, kind="dataflash", gusts_m_s=0.6, heading=None, wind=
         gps=(gps,),
         armed=(Span(0.0, SECONDS, "armed"),),
     )
-    sigma = np.full(len(t_s), 0.005)
-    free = Estimates(t_s, q_nb, np.zeros((len(t_s), 3)), sigma, 4.0 * sigma)
+    sigmas = (np.full(len(t_s), math.radians(sure)) for sure in sure_deg)
+    free = Estimates(t_s, q_nb, np.zeros((len(t_s), 3)), *sigmas)
     return evidence_of_log(context, parameters, kind=kind, free=free)
 
 
@@ -107,6 +114,13 @@ def test_one_axis_alone_is_not_enough():
     """Always ahead, to the north: the wind along it cannot be told from drag either."""
     outcome = calibrate_drag([flown(heading=0.0, course_every_s=1e9)])
     assert outcome.changes == ()
+
+
+@pytest.mark.parametrize(
+    ("sure_deg", "counts"), [((2.8, 11.5), True), ((3.2, 1.2), False), ((0.3, 12.5), False)]
+)
+def test_windows_count_only_where_the_attitude_is_sure(sure_deg, counts):
+    assert (rows_of(flown(sure_deg=sure_deg), 0) is not None) is counts
 
 
 def test_in_strong_gusts_what_is_found_is_as_true_as_it_says():

@@ -88,3 +88,12 @@ def test_otherwise_nothing_is_set(lines, parameters, why):
     values, left = found(*lines, parameters=parameters)
     assert not values
     assert why in left
+
+
+@pytest.mark.parametrize(
+    "used", [{"IMU_GYRO_DNF_EN": 1.0}, {"IMU_GYRO_NF0_FRQ": 80.0}, {"IMU_GYRO_NF1_FRQ": 80.0}]
+)
+def test_a_notch_of_px4_that_is_in_use_stays(used):
+    values, left = found({90.0: 0.4}, parameters=PX4 | used, kind="ulog")
+    assert not values
+    assert "in use" in left

@@ -127,6 +127,13 @@ def test_a_late_receiver_off_the_centre_sees_an_earlier_motion_and_its_own_turns
     assert apart.max() > 0.2
 
 
+def test_a_receiver_states_its_noise_as_smaller_as_its_draw_says():
+    own = ReceiverDraw(delay_s=0.0, noise_m_s=0.3, noise_over_stated=1.5, lever_arm_m=0.0)
+    fixes, exact = ideal(receiver=own).fixes, ideal().fixes
+    assert fixes.sigma_m_s == pytest.approx(0.2)
+    assert (fixes.v_n - exact.v_n).std() == pytest.approx(0.3, rel=0.1)
+
+
 def test_sensor_noise_has_the_density_of_the_data_sheet():
     flight = ideal(
         gyro=dataclasses.replace(IDEAL["gyro"], noise_deg_s_rthz=0.01),

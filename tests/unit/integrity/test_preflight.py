@@ -43,6 +43,14 @@ def test_all_is_judged_after_2_s_and_a_half():
     assert Item.COMPASS in vehicle.preflight.verdict.judged
 
 
+def test_a_lone_imu_is_judged_without_being_compared():
+    vehicle = Vehicle()
+    vehicle.stand(2.6)
+    assert {Item.GYRO, Item.ACCELEROMETER} <= vehicle.preflight.verdict.judged
+    apart = {Item.GYROS_APART, Item.ACCELEROMETERS_APART, Item.COMPASSES_APART}
+    assert not apart & vehicle.preflight.verdict.judged
+
+
 @pytest.mark.parametrize(("raw", "faults"), [(False, [(Item.COMPASS, "mG")]), (True, [])])
 def test_a_calibrated_field_has_the_earths_level_part(raw, faults):
     """Norm and dip would pass: 19 % and 11 deg."""

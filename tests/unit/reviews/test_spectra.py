@@ -111,7 +111,8 @@ def test_clipped_samples_are_counted_in_flight():
 
 
 def test_pictures_are_bounded():
-    analysis = analyse(flight(imus=2))
+    flown = flight(imus=2)
+    analysis = analyse(flown)
     assert len(analysis.spectra) == 4
     for spectrum in analysis.spectra:
         assert len(spectrum.frequency_hz) <= 256
@@ -121,3 +122,5 @@ def test_pictures_are_bounded():
         assert spectrum.levels.shape == (len(spectrum.t_s), len(spectrum.frequency_hz))
         assert spectrum.density.shape == (len(spectrum.frequency_hz), 3)
     assert all(len(v.t_s) <= 2000 for v in analysis.vibrations)
+    ends = [(track.t_s[0], track.t_s[-1]) for track in flown.context.imus]
+    assert [(v.t_s[0], v.t_s[-1]) for v in analysis.vibrations] == ends

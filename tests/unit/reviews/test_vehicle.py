@@ -482,6 +482,28 @@ def test_what_an_accelerometer_shows_once_a_motor_has_failed_is_a_note(from_s, s
     assert told.severity is severity
 
 
+@pytest.mark.parametrize(
+    ("kind", "lead_s"),
+    [
+        (Kind.MOTOR_FAILED, 12.0),
+        (Kind.GYRO_FROZEN, 12.0),
+        (Kind.MOTOR_SATURATED, 5.0),
+        (Kind.SAID_EKF_FAILED, 30.0),
+    ],
+)
+@pytest.mark.parametrize("is_in_time", [True, False])
+def test_a_crash_is_the_work_of_what_ended_shortly_before_it(kind, lead_s, is_in_time):
+    ended_s = 100.0 - lead_s + (0.1 if is_in_time else -0.1)
+    before = Finding(
+        kind, Sensor(SensorKind.VEHICLE), Severity.ERROR, 50.0, ended_s, 1.0, "", "text", "",
+        "before",
+    )  # fmt: skip
+    crash = before._replace(kind=Kind.CRASH, from_s=100.0, to_s=101.0, id="crash")
+    links = chain(multirotor()._replace(findings=(before, crash)), Analysis())
+    (told,) = (one for one in links.findings if one.id == "crash")
+    assert told.cause == ("before" if is_in_time else None)
+
+
 def test_an_accelerometer_that_was_wrong_at_the_end_explains_what_came_before():
     sensor = Sensor(SensorKind.IMU, 1)
     felt = Finding(

@@ -152,6 +152,13 @@ def test_px4_has_no_raw_imu():
     assert Flight(personality=PX4).ask(RAW, 10_000) == FAILED
 
 
+def test_raw_imu_is_that_of_the_first_imu():
+    flight = Flight()
+    flight.ask(RAW, 10_000)
+    raw = [m for m in flight.to(0.1) if m.get_type() == "RAW_IMU"]
+    assert {m.to_dict()["id"] for m in raw} == {0}
+
+
 def test_stopping_and_defaults():
     flight = Flight(personality=PX4)
     assert flight.ask(HIGHRES, -1) == OK
@@ -189,6 +196,8 @@ def test_request_message_and_intervals():
     assert version.flight_sw_version >> 24 == 4
     _, home = flight.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     assert home.latitude == round(HOME.latitude_deg * 1e7)
+    assert home.longitude == round(HOME.longitude_deg * 1e7)
+    assert home.altitude == round(HOME.altitude_m * 1e3)
     assert flight.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 77)[0].result == DENIED
     _, interval = flight.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, RAW)
     assert interval.interval_us == -1

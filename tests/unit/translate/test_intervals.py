@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,6 +12,12 @@ from h2nav.translate.intervals import Interval
 
 BOUND = st.integers(-40, 40)
 RANGES = st.tuples(BOUND, BOUND).map(lambda ends: Interval(min(ends), max(ends)))
+
+
+@pytest.mark.parametrize("name", ["int16", "uint16", "int32", "int64"])
+def test_a_type_holds_what_the_machines_word_of_its_name_does(name: str) -> None:
+    word = np.iinfo(name)
+    assert getattr(intervals, name.upper()) == Interval(word.min, word.max)
 
 
 def values(interval: Interval) -> range:
