@@ -37,7 +37,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 KEPT = REPOSITORY / ".mutants"
 EQUIVALENT = REPOSITORY / "tools" / "mutation" / "equivalent.yaml"
 BUDGET_S = 30.0  # of the processor, for the tests that a mutant faces
-NEAR_BUDGET_S = 4.0  # the same for the quick ones
+NEAR_BUDGET_S = 12.0  # the same for the quick ones
 KILLED = ("killed", "timeout")
 NEAR, ROOM = "near", "room"  # which tests a mutant faces
 

@@ -54,7 +54,9 @@ LONGEST_ANSWER = 65536
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the command line."""
     parser.add_argument(
-        "--seconds", type=float, help="how long to fly (default 20, with --live 600)"
+        "--seconds",
+        type=float,
+        help=f"how long to fly (default {DEFAULT_SECONDS:g}, with --live {LIVE_SECONDS:g})",
     )
     parser.add_argument(
         "--log-dir", type=Path, metavar="DIR", help="folder of the log (default: a temporary one)"

@@ -25,7 +25,7 @@ from _pytest.runner import runtestprotocol
 from mutation.operators import Mutant
 
 ELSEWHERE = "elsewhere"
-BUDGET_S = 4.0  # of the processor: no test begins after it
+BUDGET_S = 12.0  # of the processor: no test begins after it
 TEST_S = 10.0  # of the processor, for one test
 WAIT_S = 300.0  # of the clock, for all
 MEMORY_BYTES = 4 << 30

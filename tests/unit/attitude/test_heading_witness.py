@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections.abc import Callable
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from h2nav.attitude.velocity_aided.heading_witness import (
     VelocityNoise,
     velocity_walk,
 )
-from h2nav.attitude.velocity_aided.velocity_heading import RefusedField
+from h2nav.attitude.velocity_aided.velocity_heading import RefusedField, VelocityHeading
 
 PERIOD_S = 0.2
 SIGMA_M_S = 0.1
@@ -192,3 +193,25 @@ def test_a_refused_field_is_heard_where_velocities_allow_it(
     turn_deg: float, refused_s: float, is_heard: bool
 ) -> None:
     assert RefusedField(turn_deg * DEG, refused_s).is_heard_by(SEEN) is is_heard
+
+
+@pytest.mark.parametrize(
+    ("off_deg", "sigma_deg", "own_deg", "is_doubted"),
+    [
+        (4.5, 0.3, 0.5, True),
+        (3.5, 0.3, 0.5, False),  # a good compass is off by so much
+        (9.0, 0.3, 3.5, False),  # the filter itself is no surer
+        (13.0, 2.0, 0.5, True),
+        (11.0, 2.0, 0.5, False),  # the velocities are no surer
+    ],
+)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_field_is_doubted_where_velocities_show_clearly_another_heading(
+    off_deg: float, sigma_deg: float, own_deg: float, is_doubted: bool, sign: float
+) -> None:
+    chosen = Mock(spec=VelocityHeading)
+    seen = Heading(sign * off_deg * DEG, sigma_deg * DEG)
+    VelocityHeading._compare(chosen, seen, (own_deg * DEG) ** 2)
+    assert chosen._doubt_field.called is is_doubted
+    if not is_doubted:
+        chosen._confirm.assert_called_once_with(max(off_deg, 2.0 * sigma_deg) * DEG)

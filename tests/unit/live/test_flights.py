@@ -11,6 +11,7 @@ from urllib.parse import quote
 import pytest
 from flight_folders import add_flights
 from live_records import WAIT_S, served
+from tornado.http1connection import HTTP1Connection
 
 from h2nav.flights.folder import UPLOADS, FlightFolder
 from h2nav.flights.uploads import safe_name
@@ -150,6 +151,13 @@ def test_what_is_no_recording_too_large_or_cut_off_leaves_nothing(page, folder):
         assert time.monotonic() < end
         time.sleep(0.01)
     assert [path.name for path in (folder.root / UPLOADS).iterdir()] == ["flight.ulg"]
+
+
+def test_an_upload_may_take_half_an_hour(page, monkeypatch):
+    given = []
+    monkeypatch.setattr(HTTP1Connection, "set_body_timeout", lambda _, s: given.append(s))
+    assert upload(page, ULOG)[0] == 201
+    assert given == [1800.0]
 
 
 def test_one_upload_at_a_time(page, folder):

@@ -106,6 +106,23 @@ def test_who_turns_a_vehicle_over_by_hand_crashes_nothing(share):
     assert Kind.CRASH not in kinds(flown)
 
 
+@pytest.mark.parametrize(("rate_deg_s", "is_crash"), [(2.0, True), (6.0, False)])
+def test_a_plane_that_was_struck_lies_on_its_side_only_if_it_no_longer_turns(rate_deg_s, is_crash):
+    flown = flight(vehicle_type=1)
+    first = flown.context.imus[0]
+    f_b, w_b = first.f_b.copy(), first.w_b.copy()
+    after = first.t_s > 60.0
+    f_b[after] = GRAVITY_M_S2 * np.array([0.0, np.sin(1.2), -np.cos(1.2)])
+    f_b[np.flatnonzero(after)[:8]] = np.array([0.0, 20.0, -40.0])
+    w_b[after] = np.array([0.0, 0.0, np.radians(rate_deg_s)])
+    kept = first.t_s < 65.0
+    short = ImuTrack(0, "IMU", *(column[kept] for column in first[2:4]), *(
+        column[kept] for column in (w_b, f_b, first.m_b_ut)
+    ))  # fmt: skip
+    context = flown.context._replace(imus=(short,), armed=(Span(3.0, 65.0, "armed"),))
+    assert (Kind.CRASH in kinds(flown._replace(context=context))) is is_crash
+
+
 def landed_hard(flown: Flight, at_s: float, to_s: float) -> Flight:
     """Struck with 8 g, then upright on the ground for a while."""
     first = flown.context.imus[0]

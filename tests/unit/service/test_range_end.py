@@ -92,3 +92,19 @@ def test_recordings_are_flagged_where_they_are_cut_and_nowhere_else(trial):
         assert not (found & ~cut).any()
         axes_cut = (np.abs(rates) >= limit).any(axis=0).sum()
         assert (cut & ~found).sum() <= axes_cut * MISSED
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize(
+    ("sensor", "limit"), [("gyro", 500.0 * DEG), ("accelerometer", 8.0 * GRAVITY_M_S2)]
+)
+def test_either_end_of_every_axis_is_found(sensor, limit, axis, sign):
+    sine = [math.sin(0.1 * number) for number in range(200)]
+    values = [[0.1 * math.cos(0.3 * number)] * 3 for number in range(200)]
+    for value, s in zip(values, sine, strict=True):
+        value[axis] = sign * limit * min(1.1 * abs(s), 1.0)
+    still = [(0.0, 0.0, 0.0)] * 200
+    found = flags(values, still) if sensor == "gyro" else flags(still, values)
+    assert any(found)
+    assert all(abs(value[axis]) == limit for value, at in zip(values, found, strict=True) if at)
