@@ -68,12 +68,12 @@ class Mark(NamedTuple):
     accel_n: Level  # acceleration just before, m/s^2, north and east
     jerk_n: Level  # its change with time, m/s^3
     # velocity of a point 1 m away along each axis of the body, m/s, north and east
-    swept_n: tuple[Level, Level, Level] = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+    swept_n: tuple[Level, Level, Level]
     # bias of the accelerometer as known then, x and y, m/s^2, and its larger deviation
-    force_bias_b: Level = (0.0, 0.0)
-    force_sigma_m_s2: float = FORCE_SIGMA_M_S2
+    force_bias_b: Level
+    force_sigma_m_s2: float
     # integrals of the body's axes x and y since the first mark, in the axes of the start, s
-    along_s: tuple[Vec3, Vec3] = (NOWHERE, NOWHERE)
+    along_s: tuple[Vec3, Vec3]
 
 
 class Window(NamedTuple):

@@ -25,7 +25,12 @@ from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_rows import Shift, VelocityRows
-from h2nav.integrity.velocity_windows import Mark, VelocityWindows, change_of_velocity
+from h2nav.integrity.velocity_windows import (
+    FORCE_SIGMA_M_S2,
+    Mark,
+    VelocityWindows,
+    change_of_velocity,
+)
 from h2nav.maths import quaternion
 from h2nav.service.own_bias import OwnBias
 
@@ -147,6 +152,8 @@ def test_a_doubt_opens_what_is_known_and_never_closes_it():
 # --- signatures, beside an attitude that nobody corrects ----------------------------------------
 
 NOWHERE = (0.0, 0.0)
+# Of a mark: nothing sweeps, a sound accelerometer, and no way along the body's axes.
+SOUND = (NOWHERE,) * 3, NOWHERE, FORCE_SIGMA_M_S2, ((0.0,) * 3,) * 2
 ERRORS = SensorErrors(((0.05 * DEG) ** 2,) * 3, force_variance=(0.01, 0.01), force_density=4e-6)
 LENGTH_S = 10.0
 
@@ -181,7 +188,7 @@ def signature(
                 jerk_n = tuple((b - a) / 0.2 for a, b in zip(before.accel_n, accel_n, strict=True))
             noise = rng.normal(0.0, 0.05, 2)
             v_n = (v_n[0] + noise[0], v_n[1] + noise[1])
-            mark = Mark(moment, v_n, 0.1, felt_n, accel_n, jerk_n)
+            mark = Mark(moment, v_n, 0.1, felt_n, accel_n, jerk_n, *SOUND)
             rows.take(mark, errors)
             before = mark
         x, y, z = surge(t_s)
@@ -356,7 +363,7 @@ def test_a_turn_that_nobody_saw_says_nothing_of_a_long_window():
         v_n = (3.0 * max(t_s - 8.0, 0.0), 0.0)
         gained_s = (0.0, 0.0, -GRAVITY * t_s)
         still = Moment(round(1e6 * t_s), gained_s, (1.0, 0.0, 0.0, 0.0), 0.01, 0.02, 0.0, 0.0, 0.0)
-        rows.take(Mark(still, v_n, 0.1, NOWHERE, NOWHERE, NOWHERE), ERRORS)
+        rows.take(Mark(still, v_n, 0.1, NOWHERE, NOWHERE, NOWHERE, *SOUND), ERRORS)
     known = Known(ERRORS, still, rows.jitter_m_s)
     assert causes.explain(rows.rows, known, (), 4.0 * DEG).is_contradiction
     assert causes.explain(rows.rows, known, (), 0.1 * DEG) == NOTHING
@@ -389,7 +396,7 @@ def test_rows_begin_anew_after_a_gap_of_the_receiver():
             0.0,
             0.0,
         )
-        rows.take(Mark(still, NOWHERE, 0.1, NOWHERE, NOWHERE, NOWHERE), ERRORS)
+        rows.take(Mark(still, NOWHERE, 0.1, NOWHERE, NOWHERE, NOWHERE, *SOUND), ERRORS)
     assert len(rows.rows) == 4
     assert all(row.begun.moment.t_us >= 66_000_000 for row in rows.rows)
     assert all(0.35 < row.length_s < 0.45 for row in rows.rows)

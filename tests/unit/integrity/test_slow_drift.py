@@ -9,10 +9,12 @@ from h2nav.integrity.slow_drift import SlowDrift
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_model import Known
 from h2nav.integrity.velocity_rows import Shift
-from h2nav.integrity.velocity_windows import Mark
+from h2nav.integrity.velocity_windows import FORCE_SIGMA_M_S2, Mark
 from h2nav.maths.units import GRAVITY_M_S2
 
 NOWHERE = (0.0, 0.0)
+# Of a mark: nothing sweeps, a sound accelerometer, and no way along the body's axes.
+SOUND = (NOWHERE,) * 3, NOWHERE, FORCE_SIGMA_M_S2, ((0.0,) * 3,) * 2
 ERRORS = SensorErrors(((0.02 * DEG) ** 2,) * 3, force_variance=(0.0025, 0.0025), force_density=1e-4)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 CALM = [Shift(round(4e5 * i), 0.05 * (-1) ** i, 0.05 * (-1) ** (i // 2)) for i in range(75)]
@@ -25,7 +27,7 @@ def seen(velocity_at, length_s=32.0):
         t_s = 0.2 * i
         gained_s = (0.0, 0.0, -GRAVITY_M_S2 * t_s)
         still = Moment(round(1e6 * t_s), gained_s, UPRIGHT, 0.2 * DEG, DEG, 0.0, 0.0, 0.0, UPRIGHT)
-        mark = Mark(still, (velocity_at(t_s), 0.0), 0.1, NOWHERE, NOWHERE, NOWHERE)
+        mark = Mark(still, (velocity_at(t_s), 0.0), 0.1, NOWHERE, NOWHERE, NOWHERE, *SOUND)
         if slow.take(mark, ERRORS):
             slow.search(Known(ERRORS, still, slow.rows.jitter_m_s, shifts=CALM), ())
     return slow
