@@ -20,13 +20,13 @@ from h2nav.integrity.rest_windows import (
     RestWindows,
     about,
     apart,
-    dot,
     down,
     level,
     mean,
 )
 from h2nav.maths.quaternion import conjugate, rotate
 from h2nav.maths.units import DEG, GRAVITY_M_S2, MG_PER_UT
+from h2nav.maths.vectors import dot
 
 MIN_FIXES = 15
 # Zero-rate output after a calibration at power-on: 2 deg/s is beyond BMI088 and ICM-20602 without

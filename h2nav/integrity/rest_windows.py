@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import Vec3
 from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.maths.vectors import dot
 
 REST_WINDOW_US = 500_000
 # A window needs samples; a verdict needs windows.
@@ -226,11 +227,6 @@ def mean(values: list[Vec3]) -> Vec3:
 def apart(a: Vec3, b: Vec3) -> float:
     """Size of the difference."""
     return math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-def dot(a: Vec3, b: Vec3) -> float:
-    """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _blend(old: Vec3, new: Vec3) -> Vec3:

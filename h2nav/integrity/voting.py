@@ -1,113 +1,41 @@
-"""Compares the gyros, and the accelerometers, of several IMUs directly: no attitude is needed.
+"""Says which of several IMUs' sensors is wrong by comparing them directly, without any attitude.
 
-Of every window the mean of each sensor is compared with that of each other one. What sound sensors
-differ by is constant or slow, and learnt: a bias, the turn and the scale of one against the other.
-What it does not explain is a fault of one of the two. Of three, the one that both others
-contradict is named; of two, the one whose attitude contradicts velocity or field.
-
-With a and b the means of one kind of two IMUs, m their mean, and D the turn and scale,
-
-    a - b = c + D m + v,    v: noise, delay, lever arm, vibration                               (1)
-
-c and D are estimated by a Kalman filter, whose covariance all three axes share, and the delay by
-another one.
+Of three, the one that both others contradict (`sensor_pairs`) is named; of two, the one whose
+attitude contradicts velocity or field.
 """
 
 import math
-from collections import deque
-from collections.abc import Collection, Mapping, Sequence
-from enum import StrEnum
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, Vec3
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.lasting import Lasting
-from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.integrity.sensor_pairs import (
+    EXPLAINED,
+    SHEETS,
+    SOUND,
+    VOTING_WINDOW_US,
+    FailedComparison,
+    ImuWindows,
+    InertialSensor,
+    SensorPair,
+)
+from h2nav.maths.units import DEG
+from h2nav.maths.vectors import ZERO, square
 
-VOTING_WINDOW_US = 200_000
-VOTING_WINDOW_S = 1e-6 * VOTING_WINDOW_US
-# Fewer samples of a window give no mean.
-MIN_SAMPLES = 4
-# A difference this many deviations long fails (three axes).
-GATE = 4.0
-# Filters, queues and clocks of two sound IMUs delay them differently: by this much before it is
-# learnt, by this much when it is, per root second; one sigma.
-DELAY_S = 0.005
-LEARNT_DELAY_S = 0.001
-DELAY_WALK_S = 1e-4
-# Distance of two accelerometers, one sigma.
-LEVER_M = 0.03
-# Vibration is in phase with the sampling, or beyond a sensor's range: its mean is off by a share.
-RECTIFIED = 0.05
-# Aliased, it fades from the mean of so many windows; what is left of it is learnt, for each octave
-# of its power from so many windows on, and varies by this much, as a power.
-SHAKEN_WINDOWS = 10
-MIN_SHAKEN_WINDOWS = 100
-SHAKEN_MARGIN = 4.0
-# A MEMS gyro's shift under vibration, rad/s per m/s^2.
-GYRO_SHAKEN = 5e-4
-# The scatter that remains is learnt over about this many windows, up to this many floors.
-SCATTER_WINDOWS = 100
-MAX_SCATTER = 5.0
 # An alarm whose name is not clear at once waits this long.
 NAMING_US = 1_000_000
 # Earlier, a window in which the fault began misleads.
 NAMING_WINDOWS = 3
 CLEAR = 0.1
-EXPLAINED = 0.5
-# A sensor that repeats itself for this long while the other one's means vary by this many floors.
-FROZEN_WINDOWS = 2
+# A sensor repeats itself while the other one's means vary by this many floors.
 MOVED_FLOORS = 20.0
 # Two of which none is accused are reported after this.
 UNDECIDED_US = 2_000_000
-# An unnamed difference opens the deviations for this long.
-OPEN_S = 10.0
-MAX_OPEN_RAD = 30.0 * DEG
-# A comparison is no longer valid after this.
-STALE_US = 1_000_000
-# Unless the comparison clears it, a constant difference within data sheets is heard anew.
-HEARING_US = 30_000_000
-HEARD_S = 10.0
-# A lane's test fails above 1, and plainly above this; the other of two is sound below that. Of many
-# looks a single one fails by chance, but not for so long.
-SOUND, PLAIN = 0.5, 2.0
+# A lane's test fails above 1, and plainly above this; the other of two is sound below `SOUND`. Of
+# many looks a single one fails by chance, but not for so long.
+PLAIN = 2.0
 SHOWN_US = 2_000_000
-MAX_SCALE = 0.5
-# A compass that repeats itself for this long (none is slower than 5 Hz) while others' fields change
-# by this share of it, and by the same within this share.
-FIELD_STILL_US = 1_000_000
-FIELD_MOVED = 0.05
-MOVED_ALIKE = 0.3
-_NONE: Vec3 = (0.0, 0.0, 0.0)
-
-
-class InertialSensor(StrEnum):
-    """The sensors that are compared."""
-
-    GYRO = "gyro"
-    ACCELEROMETER = "accelerometer"
-
-    __hash__ = str.__hash__  # that of an enumeration is Python, and these are keys
-
-
-class _Sheet(NamedTuple):
-    """What data sheets allow of one sensor against another, one sigma."""
-
-    floor: float  # resolution, cross-talk of temperature and g; rad/s, m/s^2
-    bias: float  # before anything is known
-    max_bias: float  # no sound pair differs by more
-    walk: float  # of the bias, per root second
-    shape: float  # turn (rad) and scale of one against the other, before anything is known
-    shape_walk: float  # per root second
-    linear: float  # share of the value: nonlinearity
-
-
-# Gyros: zero-rate output of MPU-6000, ICM-20602, BMI055 within 5 deg/s; scale within 3 %, mounted
-# within 3 deg. Accelerometers: zero-g output within 60 mg and 1.5 mg/K; scale within 3 %.
-_SHEETS = {
-    InertialSensor.GYRO: _Sheet(0.1 * DEG, 5.0 * DEG, 12.0 * DEG, 0.01 * DEG, 0.04, 1e-4, 0.003),
-    InertialSensor.ACCELEROMETER: _Sheet(0.05, 0.5, 1.2, 0.003, 0.03, 1e-4, 0.005),
-}
 
 
 class Suspicion(NamedTuple):
@@ -127,402 +55,6 @@ class Verdict(NamedTuple):
     open_rad: float = 0.0  # an error that an unnamed difference may have made
 
 
-class _Mean(NamedTuple):
-    """One sensor over a window."""
-
-    value: Vec3
-    change: Vec3  # from its first sample to its last
-    variance: float  # of single samples about the motion, sum of the axes
-    is_still: bool  # all samples are the same
-
-
-class _Window(NamedTuple):
-    """One IMU over a window."""
-
-    number: int
-    centre_us: float
-    samples: int
-    means: dict[InertialSensor, _Mean]
-
-
-def _mean_of(values: Sequence[Vec3]) -> _Mean:
-    """One sensor over its samples of a window."""
-    first, samples = values[0], len(values)
-    last, squares = first, 0.0
-    a, b, c = first
-    for value in values[1:]:
-        x, y, z = value
-        a += x
-        b += y
-        c += z
-        if value != last:
-            u, v, w = last
-            squares += (x - u) * (x - u) + (y - v) * (y - v) + (z - w) * (z - w)
-            last = value
-    # A steady change is no noise.
-    steps, change = samples - 1, (last[0] - first[0], last[1] - first[1], last[2] - first[2])
-    left = max(squares - _square(change) / steps, 0.0)
-    return _Mean(
-        (a / samples, b / samples, c / samples), change, 0.5 * left / steps, squares == 0.0
-    )
-
-
-class _Imu:
-    """Collects the windows of one IMU."""
-
-    def __init__(self) -> None:
-        self.number: int | None = None  # of the present window
-        self.samples: list[ImuSample] = []  # of the same
-        self.closed: _Window | None = None
-
-    def begin(self, number: int, sample: ImuSample) -> bool:
-        """Begins a window with a sample; returns whether the one before can be compared."""
-        has_closed = self._close()
-        self.number, self.samples = number, [sample]
-        return has_closed
-
-    def _close(self) -> bool:
-        if self.number is None or len(self.samples) < MIN_SAMPLES:
-            return False
-        times_us, rates, forces, _, clipped = zip(*self.samples, strict=True)
-        if any(clipped):
-            return False
-        samples = len(times_us)
-        means = {
-            InertialSensor.GYRO: _mean_of(rates),
-            InertialSensor.ACCELEROMETER: _mean_of(forces),
-        }
-        self.closed = _Window(self.number, sum(times_us) / samples, samples, means)
-        return True
-
-
-class _Shaken:
-    """A difference in vibration: its mean over some windows, and what usually is left in that."""
-
-    def __init__(self) -> None:
-        self._latest: deque[Vec3] = deque(maxlen=SHAKEN_WINDOWS)
-        # by the octave of the power: windows, and mean square of an axis
-        self._usual: dict[int, tuple[int, float]] = {}
-
-    def take(self, left: Vec3) -> float:
-        """Takes what is left of a difference; returns the square of its mean (three axes)."""
-        self._latest.append(left)
-        return _square(_mean(self._latest))
-
-    def forget(self) -> None:
-        """Begins a new mean; what is usual stays."""
-        self._latest.clear()
-
-    def learn(self, power: float, square: float) -> None:
-        """Learns from the mean of sound sensors at this power."""
-        windows, usual = self._usual.get(_octave(power), (0, 0.0))
-        windows += 1
-        usual += (square / 3.0 - usual) / min(windows, SCATTER_WINDOWS)
-        self._usual[_octave(power)] = windows, usual
-
-    def variance(self, power: float) -> float:
-        """Of an axis of the mean at this power, as far as it is known."""
-        windows, usual = self._usual.get(_octave(power), (0, 0.0))
-        is_known = windows >= MIN_SHAKEN_WINDOWS and len(self._latest) == SHAKEN_WINDOWS
-        return SHAKEN_MARGIN * usual if is_known else math.inf
-
-
-def _octave(power: float) -> int:
-    return math.frexp(power)[1]
-
-
-class _Shape:
-    """Of a difference that fails: which error of the first sensor explains it."""
-
-    def __init__(self) -> None:
-        self.windows = 0
-        self._sum = _NONE
-        self._squares = self._of_value = self._values = 0.0
-        self._lowest, self._highest = [math.inf, math.inf], [-math.inf, -math.inf]
-        # for how many windows the first, and the second, have repeated one value
-        self.still = [0, 0]
-
-    def add(self, left: Vec3, first: _Mean, second: _Mean) -> None:
-        """Adds what is left of a difference of these two."""
-        value = _middle(first.value, second.value)
-        self.windows += 1
-        (a, b, c), (x, y, z) = self._sum, left
-        self._sum = a + x, b + y, c + z
-        self._squares += _square(left)
-        self._of_value += _dot(left, value)
-        self._values += _square(value)
-        for place, mean in enumerate((first, second)):
-            self.still[place] = self.still[place] + 1 if mean.is_still else 0
-            level = sum(mean.value)
-            self._lowest[place] = min(self._lowest[place], level)
-            self._highest[place] = max(self._highest[place], level)
-
-    def moved(self, place: int) -> float:
-        """By how much the means of the first (0) or second (1) have varied."""
-        return self._highest[place] - self._lowest[place]
-
-    def is_frozen(self, place: int) -> bool:
-        """Whether one of both repeats itself."""
-        return self.still[place] >= FROZEN_WINDOWS
-
-    @property
-    def constant(self) -> float:
-        """Size of the constant error."""
-        return math.sqrt(_square(self._sum)) / max(self.windows, 1)
-
-    @property
-    def usual(self) -> float:
-        """Root mean square of the error."""
-        return math.sqrt(self._squares / max(self.windows, 1))
-
-    @property
-    def scale(self) -> float:
-        """The error of the first one's scale against their middle, as a share."""
-        return self._of_value / self._values if self._values > 0.0 else 0.0
-
-    def unexplained(self) -> tuple[float, float]:
-        """Shares of the difference that a constant and a scale leave unexplained."""
-        if self._squares == 0.0:
-            return 1.0, 1.0
-        constant = _square(self._sum) / self.windows
-        scale = self._of_value * self.scale if abs(self.scale) < MAX_SCALE else 0.0
-        return 1.0 - constant / self._squares, 1.0 - scale / self._squares
-
-
-class _Pair:
-    """One kind of sensor of two IMUs, the first minus the second."""
-
-    def __init__(self, part: InertialSensor) -> None:
-        self._part, self._sheet = part, _SHEETS[part]
-        self.test = Lasting()
-        self.ratio = 0.0
-        self.compared_us: int | None = None
-        self.raised_us: int | None = None  # since when it has failed for long enough
-        self.shape = _Shape()
-        self.open_rad = 0.0
-        self.heard = _NONE  # what the hearing has added to their difference
-        self._scatter = 0.0
-        self._shaken = _Shaken()
-        self._values: deque[Vec3] = deque(maxlen=SHAKEN_WINDOWS)  # the latest
-        self._rows: list[list[float]] = [[0.0] * 4 for _ in range(3)]
-        sheet = self._sheet
-        diagonal = sheet.bias**2, sheet.shape**2, sheet.shape**2, sheet.shape**2
-        self._delay_s, self._delay_variance = 0.0, DELAY_S * DELAY_S  # of the second
-        self._p = [[diagonal[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
-
-    @property
-    def is_raised(self) -> bool:
-        """Whether they have differed for long enough."""
-        return self.test.is_raised
-
-    def agrees(self, t_us: int) -> bool:
-        """Whether they have just shown the same."""
-        return self.is_fresh(t_us) and not self.is_raised and self.ratio < 1.0
-
-    def is_fresh(self, t_us: int) -> bool:
-        """Whether they have been compared just now."""
-        return self.compared_us is not None and abs(t_us - self.compared_us) < STALE_US
-
-    def clear(self) -> None:
-        """Forgets that they differ: the reason is known."""
-        self.test, self.shape, self.raised_us = Lasting(), _Shape(), None
-        self._shaken.forget()
-
-    def compare(self, t_us: int, one: _Window, other: _Window) -> None:
-        """Compares one window of both."""
-        self.compared_us = t_us
-        first, second = one.means[self._part], other.means[self._part]
-        value = _middle(first.value, second.value)
-        # Their samples are of different times.
-        later = 1e-6 * (one.centre_us - other.centre_us) + self._delay_s
-        x, y, z = _middle(first.change, second.change)
-        slope = x / VOTING_WINDOW_S, y / VOTING_WINDOW_S, z / VOTING_WINDOW_S
-        h = (1.0, *value)
-        a, b, rows = first.value, second.value, self._rows
-        left = (
-            a[0] - b[0] - later * slope[0] - _dot4(rows[0], h),
-            a[1] - b[1] - later * slope[1] - _dot4(rows[1], h),
-            a[2] - b[2] - later * slope[2] - _dot4(rows[2], h),
-        )
-        p, sheet = self._p, self._sheet
-        p[0][0] += sheet.walk * sheet.walk * VOTING_WINDOW_S
-        for i in (1, 2, 3):
-            p[i][i] += sheet.shape_walk * sheet.shape_walk * VOTING_WINDOW_S
-        ph = [_dot4(row, h) for row in p]
-        power, size = self._power(one, other), _square(left)
-        shaken, mean = self._shaken.variance(power), self._shaken.take(left)
-        self._values.append(value)
-        expected = self._variance(one, other, value)
-        sound = _dot4(h, ph) + expected
-        of_mean = math.sqrt(mean / (sound + shaken)) / GATE
-        self.ratio = max(math.sqrt(size / (sound + power + self._scatter)) / GATE, of_mean)
-        self._judge(t_us, left, first, second)
-        if self.is_raised:
-            self._hear(t_us, left)
-        if self.ratio > 1.0 or self.is_raised:
-            return
-        if of_mean < SOUND:
-            self._shaken.learn(power, mean)
-        if power > sound:
-            # The lines of a vibration are in both values; what fades from a mean turns nothing.
-            h = (1.0, *_mean(self._values))
-            ph = [_dot4(row, h) for row in p]
-        total = _dot4(h, ph) + expected + min(power, SHAKEN_WINDOWS * shaken) + self._scatter
-        self._learn(left, ph, total)
-        self._learn_delay(left, slope, total)
-        most = MAX_SCATTER * self._sheet.floor
-        self._scatter += (min(size / 3.0, most * most) - self._scatter) / SCATTER_WINDOWS
-
-    def _judge(self, t_us: int, left: Vec3, first: _Mean, second: _Mean) -> None:
-        self.test.take(t_us, math.nan if self._would_hide(second.value) else self.ratio)
-        if self.ratio <= 1.0 and not self.is_raised:
-            self.shape, self.raised_us = _Shape(), None
-        elif self.ratio > 1.0:
-            self.shape.add(left, first, second)
-        if self.is_raised and self.raised_us is None:
-            self.raised_us, self.heard = t_us, _NONE
-        self._open(t_us, math.sqrt(_square(left)))
-
-    def _would_hide(self, value: Vec3) -> bool:
-        """Whether a wrong scale would not show, because nothing turns."""
-        if not self.is_raised or self.ratio > 1.0:
-            return False
-        constant, scale = self.shape.unexplained()
-        shown = GATE * self._sheet.floor
-        return scale < constant and abs(self.shape.scale) * math.sqrt(_square(value)) < shown
-
-    def _hear(self, t_us: int, left: Vec3) -> None:
-        """Learns a difference that stays, if sound sensors may have it: not the mean of a scale."""
-        assert self.raised_us is not None
-        is_frozen = self.shape.is_frozen(0) or self.shape.is_frozen(1)
-        constant, scale = self.shape.unexplained()
-        is_zero = constant < EXPLAINED and constant < scale
-        if t_us - self.raised_us < HEARING_US or is_frozen or not is_zero:
-            return
-        biases = [row[0] + y for row, y in zip(self._rows, left, strict=True)]
-        if math.hypot(*biases) < self._sheet.max_bias:
-            share = VOTING_WINDOW_S / HEARD_S
-            for row, y in zip(self._rows, left, strict=True):
-                row[0] += share * y
-            (a, b, c), (x, y, z) = self.heard, left
-            self.heard = a + share * x, b + share * y, c + share * z
-
-    def _open(self, t_us: int, size: float) -> None:
-        """Counts the error of an attitude that a difference may have made."""
-        self.open_rad *= math.exp(-VOTING_WINDOW_S / OPEN_S)
-        if self.raised_us is None or t_us - self.raised_us > OPEN_S * 1e6:
-            return
-        if self._part is InertialSensor.ACCELEROMETER:
-            made_rad = size / GRAVITY_M_S2
-            self.open_rad = max(self.open_rad, made_rad)
-        else:
-            self.open_rad += size * VOTING_WINDOW_S
-        self.open_rad = min(self.open_rad, MAX_OPEN_RAD)
-
-    def _learn(self, left: Vec3, ph: list[float], total: float) -> None:
-        gain = [each / total for each in ph]
-        for row, y in zip(self._rows, left, strict=True):
-            for i in range(4):
-                row[i] += gain[i] * y
-        for i, row in enumerate(self._p):
-            for j in range(4):
-                row[j] -= gain[i] * ph[j]
-
-    def _learn_delay(self, left: Vec3, slope: Vec3, total: float) -> None:
-        self._delay_variance += DELAY_WALK_S * DELAY_WALK_S * VOTING_WINDOW_S
-        gain = self._delay_variance / (total + self._delay_variance * _square(slope))
-        self._delay_s += gain * _dot(left, slope)
-        self._delay_variance *= 1.0 - gain * _square(slope)
-
-    def _variance(self, one: _Window, other: _Window, value: Vec3) -> float:
-        """Variance of a difference of sound sensors, beyond what is learnt, of one axis."""
-        sheet = self._sheet
-        a, b = one.means[self._part], other.means[self._part]
-        change = max(_square(a.change), _square(b.change)) / (VOTING_WINDOW_S * VOTING_WINDOW_S)
-        found = sheet.floor**2 + sheet.linear**2 * _square(value)
-        found += (LEARNT_DELAY_S * LEARNT_DELAY_S + self._delay_variance) * change
-        if self._part is InertialSensor.GYRO:
-            return found
-        rates = [window.means[InertialSensor.GYRO] for window in (one, other)]
-        turning = max(_square(rate.value) for rate in rates)
-        turned = max(_square(rate.change) for rate in rates) / (VOTING_WINDOW_S * VOTING_WINDOW_S)
-        lever = LEVER_M * (turning + math.sqrt(turned))
-        return found + lever * lever
-
-    def _power(self, one: _Window, other: _Window) -> float:
-        """The most that noise and vibration may add to it."""
-        a, b = one.means[self._part], other.means[self._part]
-        # Aliased vibration is no white noise.
-        noise = 4.0 * (a.variance / one.samples + b.variance / other.samples)
-        share = GYRO_SHAKEN if self._part is InertialSensor.GYRO else RECTIFIED
-        shaken = max(w.means[InertialSensor.ACCELEROMETER].variance for w in (one, other))
-        return noise + share * share * shaken
-
-
-class _Still:
-    """A compass: its latest field, since when, and those of the others at that time."""
-
-    def __init__(self, t_us: int, field: Vec3, fields: Mapping[int, Vec3]) -> None:
-        self.since_us, self.field, self.others = t_us, field, dict(fields)
-        self.is_frozen = False
-
-
-class FieldVoting:
-    """Finds a compass that repeats itself while the fields of two others change alike."""
-
-    def __init__(self) -> None:
-        self._compasses: dict[int, _Still] = {}
-        self._t_us = 0
-
-    @property
-    def frozen(self) -> frozenset[int]:
-        """Compasses that are frozen."""
-        return frozenset(n for n, compass in self._compasses.items() if compass.is_frozen)
-
-    def look(self, t_us: int, fields: Mapping[int, Vec3]) -> None:
-        """Takes the newest field of each."""
-        self._t_us = t_us
-        for number, field in fields.items():
-            known = self._compasses.get(number)
-            if known is None or known.field != field:
-                self._compasses[number] = _Still(t_us, field, fields)
-            elif t_us - known.since_us >= FIELD_STILL_US and not known.is_frozen:
-                known.is_frozen = _have_moved_alike(number, known, fields)
-
-    def alarms(self) -> list[Alarm]:
-        """The present alarms."""
-        return [
-            Alarm(
-                Kind.COMPASS_FROZEN,
-                Sensor(SensorKind.IMU, number + 1),
-                Severity.WARNING,
-                1e-6 * (self._t_us - compass.since_us),
-                "s",
-                "compass is frozen",
-                "the same field in every sample, while those of the others change alike",
-                since_s=1e-6 * (self._t_us - compass.since_us),
-                is_decided=True,
-            )
-            for number, compass in self._compasses.items()
-            if compass.is_frozen
-        ]
-
-
-def _have_moved_alike(number: int, still: _Still, fields: Mapping[int, Vec3]) -> bool:
-    """Whether the fields of at least two others have changed by the same."""
-    moved = [
-        _minus(field, still.others[other])
-        for other, field in fields.items()
-        if other != number and other in still.others
-    ]
-    least = FIELD_MOVED * math.sqrt(_square(still.field))
-    if len(moved) < 2 or any(_square(one) < least * least for one in moved):
-        return False
-    first = moved[0]
-    alike = MOVED_ALIKE * MOVED_ALIKE * _square(first)
-    return all(_square(_minus(one, first)) < alike for one in moved[1:])
-
-
 class Voting:
     """The votes of all IMUs of a vehicle, by their numbers, from 0."""
 
@@ -531,8 +63,8 @@ class Voting:
 
     def restart(self) -> None:
         """Restarts for another vehicle, or another clock."""
-        self._imus: dict[int, _Imu] = {}
-        self._pairs: dict[tuple[InertialSensor, int, int], _Pair] = {}
+        self._imus: dict[int, ImuWindows] = {}
+        self._pairs: dict[tuple[InertialSensor, int, int], SensorPair] = {}
         self._wrong: dict[tuple[InertialSensor, int], int] = {}  # and when it was named
         self._names: dict[tuple[InertialSensor, int], Alarm] = {}
         # of two: the one whose attitude is contradicted, and since when
@@ -544,7 +76,7 @@ class Voting:
         """Takes a sample as it came."""
         mine = self._imus.get(imu)
         if mine is None:
-            mine = self._imus[imu] = _Imu()
+            mine = self._imus[imu] = ImuWindows()
         number = sample.t_us // VOTING_WINDOW_US
         if number == mine.number:
             mine.samples.append(sample)
@@ -559,13 +91,13 @@ class Voting:
                 ordered = (mine, other) if imu < another else (other, mine)
                 self._compare(sample.t_us, min(imu, another), max(imu, another), *ordered)
 
-    def _compare(self, t_us: int, i: int, j: int, one: _Imu, other: _Imu) -> None:
+    def _compare(self, t_us: int, i: int, j: int, one: ImuWindows, other: ImuWindows) -> None:
         assert one.closed is not None
         assert other.closed is not None
         for part in InertialSensor:
             pair = self._pairs.get((part, i, j))
             if pair is None:
-                pair = self._pairs[part, i, j] = _Pair(part)
+                pair = self._pairs[part, i, j] = SensorPair(part)
             pair.compare(t_us, one.closed, other.closed)
 
     def agree(self, part: InertialSensor, one: int, other: int) -> bool:
@@ -619,7 +151,7 @@ class Voting:
     def _decide(
         self,
         part: InertialSensor,
-        pairs: Mapping[tuple[int, int], _Pair],
+        pairs: Mapping[tuple[int, int], SensorPair],
         suspicions: Mapping[int, Suspicion],
     ) -> None:
         for number in sorted({each for pair in pairs for each in pair}):
@@ -632,7 +164,7 @@ class Voting:
                     self._wrong[part, wrong] = self._t_us
 
     def _is_outvoted(
-        self, part: InertialSensor, pairs: Mapping[tuple[int, int], _Pair], number: int
+        self, part: InertialSensor, pairs: Mapping[tuple[int, int], SensorPair], number: int
     ) -> bool:
         """Whether at least two others contradict it, and agree with each other."""
         voters = [(pair, both) for pair, both in pairs.items() if not self._is_accused(part, pair)]
@@ -652,11 +184,11 @@ class Voting:
         self,
         part: InertialSensor,
         numbers: tuple[int, int],
-        pair: _Pair,
+        pair: SensorPair,
         suspicions: Mapping[int, Suspicion],
     ) -> int | None:
         """Which of two is wrong, by what else is shown for long enough; None if nothing is."""
-        moved = MOVED_FLOORS * _SHEETS[part].floor
+        moved = MOVED_FLOORS * SHEETS[part].floor
         for place in (0, 1):
             if pair.shape.is_frozen(place) and pair.shape.moved(1 - place) > moved:
                 return numbers[place]
@@ -754,7 +286,7 @@ class Voting:
         self._names[part, imu] = alarm
         return alarm
 
-    def _since_s(self, pair: _Pair) -> float:
+    def _since_s(self, pair: SensorPair) -> float:
         return pair.test.since_s(self._t_us)
 
     def _undecided(self) -> list[Alarm]:
@@ -786,7 +318,7 @@ class _Error(NamedTuple):
     is_frozen: bool = False
 
 
-def _error_of(part: InertialSensor, shape: _Shape, place: int) -> _Error:
+def _error_of(part: InertialSensor, shape: FailedComparison, place: int) -> _Error:
     """The error of the first (0) or the second (1) of two that differ."""
     constant, scale = shape.unexplained()
     is_gyro = part is InertialSensor.GYRO
@@ -811,7 +343,9 @@ def _error_of(part: InertialSensor, shape: _Shape, place: int) -> _Error:
     return _Error(kind, size, unit, f"{part.value} is off by {size:.1f} {unit}", False)
 
 
-def _differ(part: InertialSensor, apart: Mapping[tuple[int, int], _Pair], since_s: float) -> Alarm:
+def _differ(
+    part: InertialSensor, apart: Mapping[tuple[int, int], SensorPair], since_s: float
+) -> Alarm:
     is_gyro = part is InertialSensor.GYRO
     size = max(pair.shape.usual for pair in apart.values()) * (1.0 / DEG if is_gyro else 1.0)
     unit = "deg/s" if is_gyro else "m/s^2"
@@ -827,12 +361,12 @@ def _differ(part: InertialSensor, apart: Mapping[tuple[int, int], _Pair], since_
     )
 
 
-def _heard(pairs: Mapping[tuple[int, int], _Pair], number: int) -> Vec3:
+def _heard(pairs: Mapping[tuple[int, int], SensorPair], number: int) -> Vec3:
     """What the hearing has learnt of the zero of one of them."""
     found = [(i, pair.heard) for (i, j), pair in pairs.items() if number in (i, j)]
     if not found:
-        return _NONE
-    first, (x, y, z) = max(found, key=lambda one: _square(one[1]))
+        return ZERO
+    first, (x, y, z) = max(found, key=lambda one: square(one[1]))
     return (x, y, z) if first == number else (-x, -y, -z)
 
 
@@ -843,28 +377,3 @@ def _worse(first: float, second: float) -> int | None:
     if second > 1.0 and first < SOUND:
         return 1
     return None
-
-
-def _middle(a: Vec3, b: Vec3) -> Vec3:
-    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
-
-
-def _mean(values: Collection[Vec3]) -> Vec3:
-    x, y, z = (sum(axis) / len(values) for axis in zip(*values, strict=True))
-    return x, y, z
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def _square(v: Vec3) -> float:
-    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-
-
-def _dot(a: Vec3, b: Vec3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _dot4(a: Sequence[float], b: Sequence[float]) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from h2nav.maths import quaternion
 from h2nav.maths.quaternion import Quat, Vec3
-from h2nav.motion.vectors import cross, plus, scaled
+from h2nav.maths.vectors import cross, plus, scaled
 
 SMALL_ANGLE_SQUARED = 1e-4
 

@@ -13,6 +13,7 @@ from collections import Counter, deque
 from h2nav.maths import quaternion
 from h2nav.maths.quaternion import Quat, Vec3
 from h2nav.maths.units import GRAVITY_M_S2
+from h2nav.maths.vectors import ZERO, cross, minus, plus, scaled
 from h2nav.motion import rigid_step
 from h2nav.motion.error_figures import Innovations
 from h2nav.motion.finite_time import FiniteTimeGains
@@ -27,7 +28,6 @@ from h2nav.motion.samples import (
     TwistSample,
 )
 from h2nav.motion.settings import TwistObserverSettings
-from h2nav.motion.vectors import ZERO, cross, minus, plus, scaled
 
 # This near to a half turn the direction of the error is noise: attitude is taken from the pose.
 HALF_TURN_MARGIN_RAD = 0.02

@@ -17,10 +17,12 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.compasses import SAME_TIME_US, Compasses, Level
+from h2nav.integrity.field_voting import FieldVoting
 from h2nav.integrity.findings import Alarm
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
-from h2nav.integrity.voting import FieldVoting, InertialSensor, Voting
+from h2nav.integrity.sensor_pairs import InertialSensor
+from h2nav.integrity.voting import Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
 from h2nav.service.autopilot import Identity

@@ -23,7 +23,8 @@ from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2, Use
-from h2nav.integrity.voting import InertialSensor, Suspicion, Verdict
+from h2nav.integrity.sensor_pairs import InertialSensor
+from h2nav.integrity.voting import Suspicion, Verdict
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
 from h2nav.service.autopilot import Identity
 from h2nav.service.health import Objection

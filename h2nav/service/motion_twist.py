@@ -6,13 +6,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.maths import quaternion
+from h2nav.maths.vectors import ZERO
 from h2nav.motion import odometry_records
 from h2nav.motion.observer_state import ObserverEvent
 from h2nav.motion.pose_gate import PoseVerdict
 from h2nav.motion.samples import InertialSample, PoseSample, TwistEstimate
 from h2nav.motion.settings import TwistObserverSettings
 from h2nav.motion.twist_observer import TwistObserver
-from h2nav.motion.vectors import ZERO
 from h2nav.service.effects import Effect, Record
 from h2nav.service.motion_clock import LeastDelay, SourceClock
 from h2nav.service.motion_output import STALE_S, OdometryOut, is_finite

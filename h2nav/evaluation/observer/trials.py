@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from h2nav.maths import quaternion
 from h2nav.maths.quaternion import Vec3
+from h2nav.maths.vectors import ZERO, minus, plus
 from h2nav.motion import rigid_step
 from h2nav.motion.finite_time import FiniteTimeGains
 from h2nav.motion.rigid_step import RigidState
 from h2nav.motion.samples import PoseSample, TwistSample
 from h2nav.motion.settings import TwistObserverSettings
 from h2nav.motion.twist_observer import TwistObserver
-from h2nav.motion.vectors import ZERO, minus, plus
 
 Array = NDArray[np.float64]
 

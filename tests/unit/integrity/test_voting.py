@@ -8,8 +8,10 @@ import pytest
 from lanes import few
 
 from h2nav.attitude.samples import ImuSample
+from h2nav.integrity.field_voting import FieldVoting
 from h2nav.integrity.findings import Kind
-from h2nav.integrity.voting import HEARING_US, FieldVoting, InertialSensor, Suspicion, Voting
+from h2nav.integrity.sensor_pairs import HEARING_US, InertialSensor
+from h2nav.integrity.voting import Suspicion, Voting
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 NOBODY = frozenset()

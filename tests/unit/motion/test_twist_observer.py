@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from h2nav.evaluation.observer.trials import BIAS_V, BIAS_W, twist
 from h2nav.maths import quaternion
 from h2nav.maths.units import GRAVITY_M_S2
+from h2nav.maths.vectors import ZERO, cross, minus, plus, scaled
 from h2nav.motion import rigid_step
 from h2nav.motion.finite_time import FiniteTimeGains
 from h2nav.motion.observer_state import ObserverEvent
@@ -17,7 +18,6 @@ from h2nav.motion.rigid_step import RigidState
 from h2nav.motion.samples import InertialSample, PoseFrame, PoseSample, TwistSample
 from h2nav.motion.settings import TwistObserverSettings
 from h2nav.motion.twist_observer import NEW_EPOCH_SAMPLES, TwistObserver
-from h2nav.motion.vectors import ZERO, cross, minus, plus, scaled
 
 STEP_US = 5_000
 DEG = math.radians(1.0)
