@@ -52,6 +52,7 @@ class VelocityFix(NamedTuple):
     independent: bool = True  # False when the velocity comes from the autopilot's own estimator
     removed_s: float = 0.0  # delay that was found, and is no longer in its time
     removed_sigma_s: float = 0.0  # deviation of the delay that was found; 0: not known
+    altitude_m: float = math.nan  # of the same place, above mean sea level; NaN if not measured
 
 
 class SensorDelays(NamedTuple):

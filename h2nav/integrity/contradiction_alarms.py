@@ -5,6 +5,7 @@ import math
 from h2nav.attitude.samples import Vec3, VelocityFix
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.force_size import ForceError
 from h2nav.integrity.velocity_windows import LONG_S, Window
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
@@ -56,6 +57,34 @@ def force_alarm(change_n: Vec3, force_m_s2: float, since_s: float) -> Alarm:
         evidence += f"; its size is {force_m_s2:.1f} m/s^2: the accelerometer is wrong"
     found = _error(Kind.ATTITUDE_GRAVITY, SensorKind.IMU, tilt, text, evidence, since_s)
     return found._replace(is_decided=is_by_size)
+
+
+def force_size_alarm(error: ForceError, imu: Sensor, since_s: float) -> Alarm:
+    """Of a force whose size neither velocity nor altitude explains.
+
+    Args:
+        error: what the accelerometer is off by.
+        imu: whose.
+        since_s: for how long.
+    """
+    text = f"accelerometer is off by {error.size_m_s2:.1f} m/s^2"
+    if error.is_scale:
+        text = f"accelerometer's scale is off by {abs(error.share):.0%}"
+    evidence = (
+        f"its force is {error.size_m_s2:.1f} m/s^2 off, {error.share:+.0%} along it, and by "
+        "velocity and altitude the vehicle does not accelerate so"
+    )
+    return Alarm(
+        Kind.ACCELEROMETER_BIAS_STEP,
+        imu,
+        Severity.WARNING,
+        error.size_m_s2,
+        "m/s^2",
+        text,
+        evidence,
+        since_s=since_s,
+        is_decided=True,
+    )
 
 
 def turn_alarm(turn_rad: float, in_s: int, since_s: float) -> Alarm:

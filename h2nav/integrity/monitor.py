@@ -39,6 +39,7 @@ from h2nav.integrity.causes import (
 from h2nav.integrity.contradiction_alarms import (
     field_alarm,
     force_alarm,
+    force_size_alarm,
     no_velocity,
     turn_alarm,
     velocity_alarm,
@@ -47,6 +48,7 @@ from h2nav.integrity.corrected_sensor import CorrectedSensor
 from h2nav.integrity.correction import advanced
 from h2nav.integrity.field_windows import FieldWindows
 from h2nav.integrity.findings import Alarm, Kind, Sensor
+from h2nav.integrity.force_size import ForceError, ForceSize
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
 from h2nav.integrity.kernel.memory import (
     BEGUN,
@@ -165,6 +167,8 @@ class Monitor:
         self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
         self._field = FieldWindows(self._watch, self._strapdown)
+        self._force_size, self._force_was_wrong = ForceSize(), False
+        self._other_excesses: Collection[float] = ()
         self._vehicle = VehicleState()
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
@@ -230,6 +234,24 @@ class Monitor:
         return is_bad(self._checked, self._watch.memory)
 
     @property
+    def force_error(self) -> ForceError | None:
+        """What the size of the force shows the accelerometer to be off by; None if nothing.
+
+        If that of another IMU is off by as much, the receiver's altitude is false.
+        """
+        found = self._force_size.found
+        if found is None or self.sensor_is_bad:
+            return None
+        alike_m_s2 = 0.5 * GRAVITY_M_S2 * found.share
+        is_shared = any(other / alike_m_s2 > 1.0 for other in self._other_excesses)
+        return None if is_shared else found
+
+    @property
+    def force_excess_m_s2(self) -> float:
+        """By how much the force is larger than velocity and altitude explain, beyond the usual."""
+        return self._force_size.latest_m_s2
+
+    @property
     def vibration_m_s2(self) -> float:
         """Of the accelerometer, rms over the last full second."""
         return self._watch.memory.vibration_m_s2
@@ -272,6 +294,7 @@ class Monitor:
             self._field.restart()
         if bits & BEGUN:
             self._velocity.restart()
+            self._force_size.restart()
             self._restart_rows()
             self.ratios = InnovationRatios()
         if bits & ROW:
@@ -308,7 +331,9 @@ class Monitor:
         self._velocity.use_receiver(self._receiver.errors)
         if not self._velocity.take(fix, errors):
             return None
-        self._corrected.review(errors, self._velocity.marks[-1].moment.bias_b)
+        mark = self._velocity.marks[-1]
+        self._see_force_size(mark, fix.altitude_m)
+        self._corrected.review(errors, mark.moment.bias_b)
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
         self._windows = [window for window in windows if window is not None]
         of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
@@ -321,6 +346,20 @@ class Monitor:
             if shown < CONFIRMED_RAD:
                 self._is_confirmed, self._shown_us = True, fix.t_us
         return self._explain(fix.t_us, errors)
+
+    def _see_force_size(self, mark: Mark, altitude_m: float) -> None:
+        """Compares the size of the force with the receiver's acceleration."""
+        moment, is_known = mark.moment, self.force_error is not None
+        if is_known and not self._force_was_wrong:
+            self._bent.decide(Cause.ACCELEROMETER, moment.t_us)
+        self._force_was_wrong = is_known
+        gyro_is_doubted = self.ratios.of_turn > OPEN_RATIO
+        gyro_is_doubted |= self._bent.excuses(Cause.ACCELEROMETER, moment.t_us)
+        has_doubts = gyro_is_doubted or self.sensor_is_bad or self.velocity_is_false
+        may_judge = self._vehicle.on_ground is not True and not has_doubts
+        self._force_size.take(
+            moment, mark.v_n, altitude_m, self.vibration_m_s2, may_judge=may_judge
+        )
 
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
@@ -568,8 +607,14 @@ class Monitor:
         found = ((Cause.GYRO, gyro), (Cause.ACCELEROMETER, accelerometer))
         self._cleared = frozenset(cause for cause, agrees in found if agrees)
 
+    def use_other_excesses(self, excesses_m_s2: Collection[float]) -> None:
+        """Takes `force_excess_m_s2` of the other IMUs."""
+        self._other_excesses = excesses_m_s2
+
     def use_vehicle(self, vehicle: VehicleState) -> None:
         """Takes the autopilot's report of the vehicle."""
+        if vehicle.on_ground != self._vehicle.on_ground:
+            self._force_size.begin()
         self._vehicle = vehicle
 
     def use_delays(self, delays: SensorDelays) -> None:
@@ -580,6 +625,7 @@ class Monitor:
         """Forgets integrals; faults stay until they are seen to be resolved."""
         self._strapdown.restart()
         self._velocity.restart()
+        self._force_size.restart()
         self._restart_rows()
         self._field.restart()
         self._windows = []
@@ -731,6 +777,11 @@ class Monitor:
         if (tests["field"].is_raised or self._field_turns) and not self._is_bent(t_us):
             found.append(self._field_alarm(t_us))
         found += self._cause_alarms(t_us, {alarm.kind for alarm in found})
+        kinds = {alarm.kind for alarm in found}
+        if self.force_error is not None and Kind.ACCELEROMETER_BIAS_STEP not in kinds:
+            found.append(
+                force_size_alarm(self.force_error, self._imu, self._force_size.since_s(t_us))
+            )
         return tuple(found)
 
     def _is_bent(self, t_us: int) -> bool:

@@ -95,9 +95,12 @@ class LearntReceiver:
     def timely(self, fix: VelocityFix) -> VelocityFix:
         """The fix at the time at which it was true, with the deviation that it really has."""
         t_us = fix.t_us - round(1e6 * self.delay_s)
-        _, v_n, sigma_m_s, independent, *_ = fix
-        sigma_m_s = max(sigma_m_s, self.noise_m_s)
-        return VelocityFix(t_us, v_n, sigma_m_s, independent, self.delay_s, self.errors.delay_s)
+        return fix._replace(
+            t_us=t_us,
+            sigma_m_s=max(fix.sigma_m_s, self.noise_m_s),
+            removed_s=self.delay_s,
+            removed_sigma_s=self.errors.delay_s,
+        )
 
     def centred(self, fix: VelocityFix, moment: Moment) -> VelocityFix:
         """The velocity of the IMU at the time of a fix, with the deviation by the antenna's place.

@@ -43,6 +43,7 @@ class Suspicion(NamedTuple):
 
     velocity: float = math.nan  # force against velocity
     turn: float = math.nan  # gyro against field
+    force_is_wrong: bool = False  # by its size, see `force_size`
 
 
 class Verdict(NamedTuple):
@@ -198,6 +199,9 @@ class Voting:
             if _worse(*ratios) is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
                 ratios = of[0].velocity, of[1].velocity
         else:
+            by_size = [one.force_is_wrong for one in of]
+            if by_size[0] != by_size[1]:
+                return numbers[by_size.index(True)]
             # A contradiction that a wrong gyro explains says nothing of the accelerometer; nor does
             # any while gyros differ and nobody knows which one is wrong.
             wrong = [(InertialSensor.GYRO, number) in self._wrong for number in numbers]

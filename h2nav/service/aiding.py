@@ -58,7 +58,8 @@ def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
     """
     if fix.v_n is None or fix.sigma_m_s > WORST_SIGMA_M_S:
         return None
-    return VelocityFix(_on_imu_clock(fix.time_us, newest_t_us), fix.v_n, fix.sigma_m_s)
+    t_us = _on_imu_clock(fix.time_us, newest_t_us)
+    return VelocityFix(t_us, fix.v_n, fix.sigma_m_s, altitude_m=fix.place.altitude_m)
 
 
 def autopilot_velocity(velocity: EstimatedVelocity, newest_t_us: int) -> VelocityFix:

@@ -488,6 +488,10 @@ class Estimation:
                 lanes[imu].use_moved_zero(moved)
         for imu, lane in lanes.items():
             lane.use_votes(self._voting.verdict(imu))
+        excesses = {imu: lane.monitor.force_excess_m_s2 for imu, lane in lanes.items()}
+        for imu, lane in lanes.items():
+            others = [excess for other, excess in excesses.items() if other != imu]
+            lane.monitor.use_other_excesses(others)
 
     def _condition(self, t_ns: int, lane: Lane, sent: Lane) -> Condition:
         # VIBRATION does not name the IMU: the noise of the lanes shows which it is.

@@ -304,7 +304,8 @@ class Lane:
     @property
     def suspicion(self) -> Suspicion:
         """What contradicts its attitude."""
-        return self._worst_ratios.suspicion
+        found = self._worst_ratios.suspicion
+        return found._replace(force_is_wrong=self._monitor.force_error is not None)
 
     @property
     def _worst_ratios(self) -> "_Rated":

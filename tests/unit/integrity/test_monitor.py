@@ -1,8 +1,10 @@
 """The monitor beside the real filter: it is silent on honest sensors and names wrong ones."""
 
+import itertools
 import math
 
 import pytest
+from lanes import few_rows
 from needs import DEG
 from synthetic_imu import FIELD, FIELD_N
 from velocity_flights import (
@@ -35,8 +37,17 @@ def flight(seed=7, end_s=END_S):
     return with_noise(accelerating(end_s, seed, law=turning), 0.2, seed)
 
 
-def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
-    """(time, use, estimate or None, monitor) of each sample."""
+def climbed(drive):
+    """Altitude of each sample, m."""
+    return [-height for height in itertools.accumulate(0.01 * down for _, _, down in drive.v_n)]
+
+
+def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True, altitudes=None):
+    """(time, use, estimate or None, monitor) of each sample.
+
+    Args:
+        altitudes: that the receiver measures, m; None if it does not.
+    """
     filter_, monitor = (
         new_filter(knows_field=True),
         Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0)),
@@ -48,6 +59,8 @@ def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True):
         t_s = sample.t_us * 1e-6
         if gps and i % PERIOD == 0:
             fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
+            if altitudes is not None:
+                fix = fix._replace(altitude_m=altitudes[i])
             doubt = monitor.fix(fix, bias.errors(filter_.sensor_errors))
             if doubt is not None:
                 if doubt.correction is not None:
@@ -366,6 +379,33 @@ def test_a_reversed_field_does_not_degrade_a_heading_that_was_confirmed():
 def test_an_accelerometer_of_twice_the_scale_is_found_without_velocities():
     rows = watched(from_fault(lambda s: s._replace(f_b=tuple(2.0 * f for f in s.f_b))), gps=False)
     assert 0.0 <= first_alarm(rows, "attitude_gravity") < 12.0
+
+
+def too_large(i, sample):
+    """A force of 1.2 times its size from the fault on."""
+    if i < 100 * FAULT_S:
+        return sample
+    x, y, z = sample.f_b
+    return sample._replace(f_b=(1.2 * x, 1.2 * y, 1.2 * z))
+
+
+@pytest.mark.parametrize(
+    ("other_m_s2", "on_ground", "is_told"),
+    few_rows(2, [(0.1, False, True), (1.9, False, False), (-1.9, False, True), (0.1, True, False)]),
+)
+def test_a_force_that_became_too_large_for_velocity_and_altitude_is_its_scale(
+    other_m_s2, on_ground, is_told
+):
+    """Unless that of another IMU did as well, or it stands on the ground."""
+    drive = with_samples(with_noise(accelerating(50.0, 3), 0.1, 3), too_large)
+    texts = set()
+    for i, (t_s, _, _, monitor) in enumerate(flown(drive, altitudes=climbed(drive))):
+        if i % PERIOD == 0:
+            monitor.use_other_excesses((other_m_s2,))
+            monitor.use_vehicle(FLYING._replace(on_ground=on_ground))
+            texts |= {alarm.text for alarm in monitor.alarms(round(1e6 * t_s))}
+    assert ("accelerometer's scale is off by 20%" in texts) == is_told
+    assert monitor.may_be_bent or not is_told
 
 
 @pytest.mark.parametrize(

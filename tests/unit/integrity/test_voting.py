@@ -289,6 +289,13 @@ def test_of_two_a_contradiction_that_may_be_chance_names_nobody_until_it_lasts(l
     assert any(alarm.sensor.number == 1 for _, alarm in told) == is_named
 
 
+@pytest.mark.parametrize(("wrong", "named"), [((1,), {2}), ((0, 1), set())])
+def test_of_two_accelerometers_the_one_whose_force_has_the_wrong_size_is_wrong(wrong, named):
+    shown = {number: Suspicion(0.6, force_is_wrong=number in wrong) for number in (0, 1)}
+    told, _ = fly([Imu(1), Imu(2, force_fault=scaled(1.2))], FAULT_S + 6.0, shown)
+    assert {alarm.sensor.number for _, alarm in told if alarm.sensor.number} == named
+
+
 def test_a_gyro_and_the_other_imus_accelerometer_fail_at_once():
     imus = [Imu(1, gyro_fault=off(0.0, 0.0, 0.1)), Imu(2, force_fault=off(3.0, 0.0, 0.0))]
     both = {0: Suspicion(velocity=2.0, turn=2.0), 1: Suspicion(velocity=3.0, turn=0.1)}

@@ -6,9 +6,15 @@ from types import SimpleNamespace
 import pytest
 
 from h2nav.attitude.samples import EarthField, VelocityFix
-from h2nav.service.aiding import DEFAULT_SIGMA_M_S, Aiding, FieldOfTheEarth, autopilot_velocity
+from h2nav.service.aiding import (
+    DEFAULT_SIGMA_M_S,
+    Aiding,
+    FieldOfTheEarth,
+    autopilot_velocity,
+    gps_velocity,
+)
 from h2nav.service.settings import AidingSettings, NorthSettings
-from h2nav.wire.position import EstimatedVelocity, Place
+from h2nav.wire.position import EstimatedVelocity, GpsFix, Place
 from h2nav.wire.vehicle import Airspeed
 
 FIELD = EarthField(50.0, 1.0, 0.1)
@@ -20,6 +26,13 @@ def test_the_velocity_of_the_autopilots_estimator_is_marked_as_dependent():
     # A time of another clock is none: the newest sample's stands in.
     other = EstimatedVelocity(9_000_000_000, (1.0, -2.0, 0.5))
     assert autopilot_velocity(other, 5_100_000).t_us == 5_100_000
+
+
+def test_a_fix_gives_velocity_and_altitude_of_one_time():
+    fix = GpsFix(5_000_000, HOME, (1.0, 2.0, math.nan), 0.2)
+    found = gps_velocity(fix, 5_100_000)
+    assert (found.t_us, found.v_n[:2], found.altitude_m) == (5_000_000, (1.0, 2.0), 584.0)
+    assert gps_velocity(fix._replace(v_n=None), 5_100_000) is None
 
 
 def test_no_field_is_asked_for_at_the_place_of_an_autopilot_without_a_fix():
