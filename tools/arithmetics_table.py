@@ -1,12 +1,10 @@
 """How far the filter in integers is from the same filter in floats, and both from the truth.
 
 Each recording goes through the service once, as a daemon would have it, with filters in floats;
-beside each of them one in integers is given every input, doubts and restarts included, and so are
-two more in floats: one that does not learn the field's offset, and one that besides takes as few
-fields as the integers. The steps from the floats to the integers say what the distance is made of;
-which fields are left out is not the same, so that the last step is no smaller than the one before.
-The estimates of all for IMU 1 are compared sample by sample from a minute after the first one on;
-headings where both filters know theirs.
+beside each of them one in integers is given every input, doubts and restarts included, and so is
+one more in floats that does not learn the field's offset. The steps from the floats to the integers
+say what the distance is made of. The estimates of all for IMU 1 are compared sample by sample from
+a minute after the first one on; headings where both filters know theirs.
 
     python tools/arithmetics_table.py DIR|FILE ... [--json]
 
@@ -14,7 +12,6 @@ The table in docs/fixed-point.md, *Distance from the floats*, is from this comma
 """
 
 import argparse
-import itertools
 import json
 import math
 import sys
@@ -33,8 +30,6 @@ from h2nav.apps.playback import Playback, PlaybackOptions, inputs_for, pipeline_
 from h2nav.attitude.filter import AttitudeFilter
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
-from h2nav.attitude.velocity_aided.integer.kernel.heading import LONG_PARTS
-from h2nav.attitude.velocity_aided.integer.memory import FRAME
 from h2nav.attitude.velocity_aided.kernel.estimate import LOST_HEADING_RAD
 from h2nav.errors import BadInput
 from h2nav.evaluation.flights.heard import FromAutopilot, HeardEstimates
@@ -48,9 +43,9 @@ from h2nav.wire.deframer import Frame
 SETTLED_US = 60_000_000  # after the first estimate
 HEAD = (
     "| recording | tilt rms, deg | heading rms | tilt at most | heading at most | "
-    "of it the offset: tilt, heading rms | fewer fields | the rest | "
+    "of it the offset: tilt, heading rms | the rest | "
     "floats, integers to the truth: tilt | heading |\n"
-    "|---|---|---|---|---|---|---|---|---|---|"
+    "|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -115,28 +110,6 @@ class Together:
         return each
 
 
-class FewerFields:
-    """A filter that gets the fields of as many samples as the integers turn a field with.
-
-    Args:
-        inner: the filter.
-    """
-
-    def __init__(self, inner: AttitudeFilter) -> None:
-        self._inner, self._samples = inner, 0
-
-    def update(self, sample: ImuSample) -> AttitudeEstimate | None:
-        """Takes the sample, nine times of sixteen without its field."""
-        self._samples += 1
-        if (LONG_PARTS >> self._samples % FRAME) & 1:
-            sample = sample._replace(m_b_ut=None)
-        return self._inner.update(sample)
-
-    def __getattr__(self, name: str) -> Any:
-        """All else is the filter's."""
-        return getattr(self._inner, name)
-
-
 class Distance(NamedTuple):
     """Differences of two attitudes over a recording, once settled, deg; NaN for an empty one."""
 
@@ -150,8 +123,7 @@ class Row(NamedTuple):
     """What is found of a recording."""
 
     integers: Distance  # from the floats
-    # from one filter to the next: without the offset, with fewer fields, in integers
-    steps: tuple[Distance, Distance, Distance]
+    steps: tuple[Distance, Distance]  # from one filter to the next: without the offset, in integers
     tilt: tuple[float, float] | None  # rms error of floats and integers; None without a truth
     heading: tuple[float, float] | None
 
@@ -183,18 +155,16 @@ def row_of(path: Path) -> Row | None:
     settled = times[:, 1] - times[0, 1] >= SETTLED_US
     if not settled.any():
         settled[:] = True
-    floats, integers, plain, fewer = (
+    floats, integers, plain = (
         Estimates(
             np.array([e[k].q_nb for _, e in together.found])[settled],
             np.array([e[k].sigma_heading_rad < LOST_HEADING_RAD for _, e in together.found])[
                 settled
             ],
         )
-        for k in range(4)
+        for k in range(3)
     )
-    chain = (floats, plain, fewer, integers)
-    one, two, three = (distance(a, b) for a, b in itertools.pairwise(chain))
-    between = distance(floats, integers), (one, two, three)
+    between = distance(floats, integers), (distance(floats, plain), distance(plain, integers))
     try:
         truth, _ = truth_of(path, listener.autopilot)
     except BadInput:
@@ -221,13 +191,11 @@ def played(path: Path, listener: Listener) -> Together | None:
     made: list[Together] = []
 
     def all_for(identity: Identity) -> AttitudeFilter:
-        first, *plain = (inputs.filters.filter_for(identity) for _ in range(3))
-        for one in plain:
-            if not isinstance(one, VelocityAidedFilter):
-                raise SystemExit(f"{path}: expected filter.name velocity_aided in floats")
-            one.kernel_gains.offset_variance = 0.0
-        fewer = cast("AttitudeFilter", FewerFields(plain[1]))
-        filters = (first, in_integers.filter_for(identity), plain[0], fewer)
+        first, plain = (inputs.filters.filter_for(identity) for _ in range(2))
+        if not isinstance(plain, VelocityAidedFilter):
+            raise SystemExit(f"{path}: expected filter.name velocity_aided in floats")
+        plain.kernel_gains.offset_variance = 0.0
+        filters = (first, in_integers.filter_for(identity), plain)
         made.append(Together(filters, listener))
         return cast("AttitudeFilter", made[-1])
 
@@ -278,7 +246,7 @@ def main() -> int:
 
 def as_json(row: Row) -> dict[str, Any]:
     """A row for machines."""
-    names = ("offset", "fewer_fields", "rest")
+    names = ("offset", "rest")
     steps = {name: step._asdict() for name, step in zip(names, row.steps, strict=True)}
     truth = {"tilt_to_truth": row.tilt, "heading_to_truth": row.heading}
     return row.integers._asdict() | {"steps": steps} | truth

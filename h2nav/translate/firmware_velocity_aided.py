@@ -46,6 +46,11 @@ void h2nav_reset(h2nav_filter *filter);
  */
 void h2nav_set_field(h2nav_filter *filter, const int16_t field[3]);
 
+/* Tells how much of their delay the program has taken off the times of its fixes, 2^30 = 1 s, at
+ * most half a second: what the filter has learnt of it falls by as much, and may be below zero.
+ */
+void h2nav_remove_fix_delay(h2nav_filter *filter, int32_t removed);
+
 /* Writes a sample, every member of it, without a velocity.
  *
  * rate   radians per microsecond, 2^40 = 1 (1 rad/s = 1099512)
@@ -123,6 +128,11 @@ static int32_t within(int32_t x, int32_t low, int32_t high)
 void h2nav_set_field(h2nav_filter *filter, const int16_t field[3])
 {
     set_place(filter, &GAINS, field[0], field[1], field[2]);
+}
+
+void h2nav_remove_fix_delay(h2nav_filter *filter, int32_t removed)
+{
+    remove_fix_delay(filter, &GAINS, removed);
 }
 
 void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force[3],
@@ -264,15 +274,15 @@ int main(void)
 
 _FILES = VELOCITY_AIDED_INTEGER.paths
 VELOCITY_AIDED: Final = IntegerForm(
-    # the kernel of the daemon, and how a program names the field of the place
+    # the kernel of the daemon, and what a program tells it: the place's field, the fixes' delay
     kernel=VELOCITY_AIDED_INTEGER._replace(
         paths=(*_FILES[:-1], "velocity_aided/integer/kernel/place.py", _FILES[-1])
     ),
-    more_entries=("restart", "resume", "set_place"),
+    more_entries=("restart", "resume", "set_place", "remove_fix_delay"),
     # Found by trying: gcc's code for Cortex-M0 is smaller, and its longest step shorter.
     called=(
         *("moved", "raise_tilt_sigma", "end_frame", "use_motion_gain", "disturbed", "drain"),
-        *("rates", "judge_rest", "coast"),
+        *("rates", "judge_rest", "coast", "accept_field"),
     ),
     bits=_BITS,
     about=_ABOUT,

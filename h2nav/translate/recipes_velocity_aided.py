@@ -246,6 +246,19 @@ RECIPES = (
         },
     ),
     Recipe(
+        "follow_offset",
+        "follow_offset",
+        ("s.mag_offset_norm", "s.mag_offset_dip", "s.mag_offset_s"),
+        (_STATE, "more_norm: I32", "more_dip: I32", "age: I32"),
+        {
+            "more_norm": Operand("more_norm", (Grid(2.0**-15, -32767, 32767),)),
+            "more_dip": Operand("more_dip", (Grid(2.0**-15, -32767, 32767),)),
+            "age": Operand("age", (Grid(_US, 1, integers.FIELD_MAX_US),)),
+            "s.mag_ref_given": _own("mag_ref_given", 1.0),
+        },
+        {"time": _grid(floats.OFFSET_SPAN)},
+    ),
+    Recipe(
         "learn_from_parts",
         "learn_from_parts",
         ("s.mag_lag_num", "s.mag_lag_den"),

@@ -71,7 +71,11 @@ int main(int argc, char **argv)
             make_unit(s.q_nb);
             /* Lemma 9: the sums of a frame start with it. */
             s.innovation_sum_n = s.innovation_sum_e = s.turning_sum = s.jitter_sum = s.force_sum = 0;
-            s.mag_count = 0;
+            s.mag_count = s.mag_span_us = s.mag_waited_us = s.mag_due_sum = s.heading_added = 0;
+            s.mag_held = s.mag_held_us = 0;
+            for (int32_t i = 0; i < 3; i++) {
+                s.mag_held_sum[i] = s.mag_sum[i] = s.mag_rate_sum[i] = 0;
+            }
             if (s.aided == 0) { /* Lemma 11: fixes alone have gains above one */
                 s.velocity_use = s.velocity_use > 1 ? 1 : s.velocity_use;
                 s.k_tilt_s = abs(s.k_tilt_s);

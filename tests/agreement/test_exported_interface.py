@@ -57,6 +57,9 @@ class Program:
     def set_field(self, field: Sequence[int]) -> None:
         self._library.h2nav_set_field(address(self.filter), ints(field, ctypes.c_int16))
 
+    def remove_fix_delay(self, removed: int) -> None:
+        self._library.h2nav_remove_fix_delay(address(self.filter), ctypes.c_int32(removed))
+
     def fill(
         self, rate: Sequence[int], force: Sequence[int], field: Sequence[int] | None, dt_us: int
     ) -> None:
@@ -215,6 +218,25 @@ def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> N
         north, east, below = field
         place.set_place(python, daemon.kernel_gains, north, east, below)
         assert program.memory() == values(python, State)
+
+
+def test_what_a_program_takes_off_the_fixes_times_their_latency_loses(
+    library: ctypes.CDLL,
+) -> None:
+    """As in the daemon it may be below zero by what was taken off, at most half a second."""
+    program, second = Program(library), 1 << 30
+    for removed, kept, lag in (
+        (second // 10, second // 10, -(second // 10)),
+        (second // 20, second // 20, -(second // 20)),
+        (second, second // 2, -second // 2),
+        (-5, 0, 0),
+    ):
+        program.remove_fix_delay(removed)
+        assert program.filter.fix_removed == kept
+        assert program.filter.fix_lag == lag
+    program.filter.fix_lag = second // 8
+    program.remove_fix_delay(second // 10)
+    assert program.filter.fix_lag == second // 8 - second // 10
 
 
 def test_reset_forgets_the_attitude_alone(library: ctypes.CDLL) -> None:

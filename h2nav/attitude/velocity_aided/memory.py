@@ -49,6 +49,8 @@ VELOCITY_BY_ACCEL = (24, 1.0 / _A, -64.0, 64.0)
 FIX_MEAN = (28, 1.0, -2.0, 2.0)
 SHARE = (15, 1.0, 0.0, 1.0)
 LAG_VARIANCE = (30, 1.0, 0.0, 0.5)
+FIELD_DIFFERENCE = (26, 1.0, -1.0, 1.0)
+OFFSET_SPAN = (0, 1e-6, 0.0, 2.0**25)
 BY_LAG = (24, 1.0, -64.0, 64.0)
 
 # bits of a step's result
@@ -146,9 +148,13 @@ class State:
         3, "field", "the contradicting field when turning was last added"
     )
     heading_rejected_s: float = real("s", "for how long the field has contradicted the heading")
-    mag_offset_norm: float = real("", "mean difference of the field's norm from the reference")
-    mag_offset_dip: float = real("rad", "mean difference of the field's dip from the reference")
-    mag_offset_s: float = real("s", "time over which these two means were taken")
+    mag_offset_norm: float = real(
+        "", "mean difference of the field's norm from the reference", FIELD_DIFFERENCE
+    )
+    mag_offset_dip: float = real(
+        "rad", "mean difference of the field's dip from the reference", FIELD_DIFFERENCE
+    )
+    mag_offset_s: float = real("s", "time over which these two means were taken", OFFSET_SPAN)
     heading_turned: float = real("rad", "sum of all corrections of the heading")
     heading_unknown: float = real("", "1: nothing has shown the heading since a gap in the air")
     heading_witnessed: float = real("", "1: measured velocities show the heading too")

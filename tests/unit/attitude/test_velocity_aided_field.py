@@ -1,6 +1,7 @@
 """The default filter and fields that are not the earth's, or not there."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,11 +13,14 @@ from velocity_flights import (
     follow,
     heading_apart,
     new_filter,
+    new_integer_filter,
     with_samples,
     with_turned_field,
 )
 
 from h2nav.attitude.samples import ImuSample, Vec3, VehicleState
+from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.maths import quaternion
 
 NO_BIAS = (0.0, 0.0, 0.0)
@@ -77,8 +81,13 @@ def test_a_false_heading_that_lasts_is_taken() -> None:
     assert after == pytest.approx(-30.0, abs=2.0)
 
 
+@pytest.mark.parametrize("make", [new_filter, new_integer_filter])
 @pytest.mark.parametrize(("down", "is_taken"), [(0.08, True), (0.0, False)])
-def test_a_sound_field_after_steel_on_the_ground_is_taken(down: float, is_taken: bool) -> None:
+def test_a_sound_field_after_steel_on_the_ground_is_taken(
+    down: float,
+    is_taken: bool,
+    make: Callable[..., VelocityAidedFilter | IntegerVelocityAidedFilter],
+) -> None:
     """If norm and dip showed the steel; otherwise the sound field may be the wrong one."""
     drive = accelerating(50.0, 24, force=still, law=gentle, bias_b=NO_BIAS)
     steel = (0.0, 0.12 * FIELD.norm_ut, down * FIELD.norm_ut)
@@ -90,7 +99,7 @@ def test_a_sound_field_after_steel_on_the_ground_is_taken(down: float, is_taken:
         a, b, c = sample.m_b_ut
         return sample._replace(m_b_ut=(a + x, b + y, c + z))
 
-    filter_ = new_filter(knows_field=True)
+    filter_ = make(True)
     estimates = [filter_.update(sample) for sample in with_samples(drive, change).flight.samples]
     off = []
     for i in (3990, 4900):

@@ -168,6 +168,16 @@ def test_the_deviation_of_the_heading_is_that_of_the_floats(field: EarthField | 
     assert (found.pairs[-1][1].sigma_heading_rad > 5.0 * DEG) is (field is not None)
 
 
+def test_a_constant_disturbance_is_in_the_deviation_of_the_heading_as_in_the_floats() -> None:
+    """Of a tenth of the field down, which norm and dip show."""
+    iron = Disturbance(force=breeze, field=lambda _: (0.0, 0.0, 0.1 * FIELD.norm_ut))
+    found = both(fly(still, 30.0, 2, disturbance=iron), skip_s=20.0, field=FIELD)
+    floats, integers = found.pairs[-1]
+    assert integers.sigma_heading_rad == pytest.approx(floats.sigma_heading_rad, rel=0.05)
+    plain = both(fly(still, 30.0, 2), skip_s=29.9, field=FIELD).pairs[-1][1]
+    assert integers.sigma_heading_rad > 1.3 * plain.sigma_heading_rad
+
+
 def test_fixes_are_used_at_their_own_time() -> None:
     """A vehicle that swings by 2 m/s in 4 s: late fixes taken as new are wrong by .6 m/s."""
     omega, v_most = 1.5, 2.0
@@ -451,15 +461,37 @@ def test_the_bias_at_rest_is_learnt_on_the_ground_only() -> None:
     assert not any(e is None or e.trust & Trust.REST for e in in_the_air)
 
 
-def test_armed_on_the_ground_only_an_unknown_bias_is_learnt_at_rest() -> None:
+def test_armed_on_the_ground_only_an_unknown_bias_is_learnt_about_the_vertical() -> None:
     """A rotor turns a helicopter; a log that begins with arming holds no other rest."""
     filter_ = new_filter(GROUND._replace(is_armed=True))
     found = drive(filter_, fly(still, 10.0, 4, bias_b=BIAS).samples)
-    assert any(e is not None and e.trust & Trust.REST for e in found)
     last = found[-1]
     assert last is not None
-    assert not last.trust & Trust.REST
+    assert last.trust & Trust.REST
     assert last.bias_b == pytest.approx(BIAS, abs=0.1 * DEG)
+    turned = (BIAS[0] + 0.2 * DEG, BIAS[1], BIAS[2] + 0.2 * DEG)
+    later = fly(still, 14.0, 4, bias_b=turned).samples[1000:]
+    last = drive(filter_, later)[-1]
+    assert last is not None
+    assert last.trust & Trust.REST
+    assert last.bias_b[0] == pytest.approx(turned[0], abs=0.06 * DEG)
+    assert last.bias_b[2] == pytest.approx(BIAS[2], abs=0.07 * DEG)
+
+
+def test_velocities_that_scatter_do_not_turn_the_heading_of_a_vehicle_at_rest() -> None:
+    """By 0.46 m/s, of which the receiver says 0.11; its compass repeats one value."""
+    rng = random.Random(3)
+    flight = fly(still, 40.0, 5)
+    samples = [s._replace(m_b_ut=flight.samples[0].m_b_ut) for s in flight.samples]
+
+    def fix(sample: ImuSample) -> VelocityFix:
+        north, east = rng.gauss(0.0, 0.46), rng.gauss(0.0, 0.46)
+        return VelocityFix(sample.t_us - 150_000, (north, east, math.nan), 0.11)
+
+    filter_ = new_filter(GROUND._replace(is_armed=True))
+    found = drive(filter_, samples, fix)[1000:]
+    wrong = [quaternion.angle(e.q_nb, quaternion.IDENTITY) for e in found if e is not None]
+    assert max(wrong) < 1.0 * DEG
 
 
 def test_a_level_that_contradicts_rest_is_taken_anew() -> None:

@@ -51,11 +51,9 @@ from h2nav.attitude.velocity_aided.integer.memory import (
 )
 from h2nav.attitude.velocity_aided.kernel.estimate import (
     CONVERGED_S,
-    FIELD_OFFSET,
-    HEADING_SHARE,
     LOST_HEADING_RAD,
     REFERENCED_RAD,
-    UNCONFIRMED,
+    heading_deviation,
     tilt_deviation,
 )
 from h2nav.attitude.velocity_aided.kernel.prediction import jolt_of
@@ -92,6 +90,7 @@ _TILT_ROWS = tuple(
     )
 )
 _HEADING_UNIT = HEADING_UNIT_RAD**2 * 2.0**-28  # of the heading's variance, rad^2
+_DIFFERENCE_UNIT = row(float_memory.State, "mag_offset_norm").grids[0].step  # and of the dip's
 _FORCE_UNIT = ACCEL_UNIT_G**2 * 2.0**-28  # of the variances of the accelerometer's bias, g^2
 # Bits of a step that mean the same in floats; what holds besides is worked out for an estimate.
 _SAME_BITS = 63 & ~memory.VELOCITY_USED
@@ -222,6 +221,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         # log2 of the field's unit over FIELD_UNIT_UT; None before the first field
         self._field_scale: int | None = None
         self._accepted_us: int | None = None
+        self._has_new_field = False
         self.use_vehicle(VehicleState())
 
     @property
@@ -348,6 +348,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         self._w_b = sample.w_b
         self._find_field_unit(sample.m_b_ut)
         fill_sample(u, sample, self.field_unit)
+        self._has_new_field = bool(u.has_mag) and u.mag[:] != self._state.mag_last[:]
         u.aided = int(is_aided)
         if fix is None:
             return
@@ -447,10 +448,9 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         )
 
     def _without_biases(self, sample: ImuSample) -> tuple[Vec3, Vec3, Vec3 | None]:
-        s = self._state
         w, f, (x, y, z) = sample.w_b, sample.f_b, self._bias()
         a, b = self._force_bias()
-        field = sample.m_b_ut if self._sample.has_mag and s.mag_age_us == 0 else None
+        field = sample.m_b_ut if self._has_new_field else None
         return (w[0] - x, w[1] - y, w[2] - z), (f[0] - a, f[1] - b, f[2]), field
 
     def _set_vehicle(self, prior: int, speed_m_s: float) -> None:
@@ -519,7 +519,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         s.q_nb[:] = [round(part * _UNIT_Q29) for part in found.q_nb]
         s.turn_carry[:] = s.correction[:] = [0, 0, 0]
         # a waiting field belongs to another attitude
-        s.mag_span_us = s.mag_count = s.mag_frame_us = s.mag_learn_us = 0
+        s.mag_frame_us = s.mag_learn_us = 0
         r_nb = [0] * 9
         rotation(s.q_nb, r_nb)
         restart_tilt(s, u, r_nb)
@@ -672,18 +672,16 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     def _sigma_heading_rad(self) -> float:
         """Predicted one-sigma heading error.
 
-        Source: docs/filter.md Eq. (48), without the slow means of the field.
+        Source: docs/filter.md Eq. (48).
         """
-        s = self._state
-        variance = HEADING_SHARE**2 * _HEADING_UNIT * s.heading_variance
-        if s.mag_ref_norm:
-            lever = s.mag_ref_norm / max(s.mag_ref_horizontal, 1)
-            hidden = FIELD_OFFSET**2 * lever**2
-            if s.mag_ref_given:
-                shown = self._confirmed_rad or math.inf
-                hidden += min(UNCONFIRMED * lever, shown) ** 2
-            variance += hidden
-        return min(math.sqrt(variance), LOST_HEADING_RAD)
+        s, f = self._state, self._floats
+        f.heading_variance = _HEADING_UNIT * s.heading_variance
+        f.mag_ref_dip = math.atan2(s.mag_ref_down, s.mag_ref_horizontal)
+        f.mag_ref_given = float(s.mag_ref_given)
+        f.mag_offset_norm = s.mag_offset_norm * _DIFFERENCE_UNIT
+        f.mag_offset_dip = s.mag_offset_dip * _DIFFERENCE_UNIT
+        f.heading_confirmed = self._confirmed_rad
+        return min(heading_deviation(f), LOST_HEADING_RAD)
 
 
 def _signed(change: int) -> int:

@@ -61,8 +61,12 @@ GAINED_MASK = (1 << 28) - 1
 LOG_MAX = 10240
 FIELD_MAX_US = 1000000  # a sample never counts for more than this time
 NORM_MAX = 60000
-FIELD_SUM_MAX = FRAME * 4 * 56757  # of fields turned to n, Lemma 7
-DUE_MAX = CORRECTION_MAX >> 4
+HELD_MAX = 6  # fields that wait for a sample that has time to turn them: of a run of long parts
+HELD_MAX_US = (HELD_MAX - 1) * MAX_DT_US  # the first of them for as long
+HELD_SUM_MAX = HELD_MAX << 15
+FIELDS_MAX = FRAME + HELD_MAX  # of a frame, and of the end of the one before
+FIELD_SUM_MAX = FIELDS_MAX * 4 * 56757  # of fields turned to n, Lemma 7
+DUE_MAX = CORRECTION_MAX >> 4  # difference of two corrections, Q25
 REF_MAX = NORM_MAX << 12
 LAG_MAX = 12500
 GAP_US = 150000  # samples come at 10 Hz at least, so that of a longer step some are missing
@@ -214,15 +218,34 @@ class State(SharedFields):
     fix_period_us: I32 = integer(0, 1 << 22, "us", "time since the fix before; 0: none waits")
     mag_last: list[I32] = integers(3, -32768, 32767, "64 uT", "field that came last, body", q=14)
     mag_span_us: I32 = integer(
-        0, FIELD_MAX_US, "us", "time that the field in mag_ned stands for; 0: no new one"
+        0, FIELDS_MAX * FIELD_MAX_US, "us", "time that the fields of the frame so far stand for"
     )
-    mag_count: I32 = integer(0, FRAME, "", "fields of the frame so far")
+    mag_held: I32 = integer(0, HELD_MAX, "", "fields that wait to be turned")
+    mag_held_us: I32 = integer(
+        0, HELD_MAX * FIELD_MAX_US, "us", "sum of their times since one was turned"
+    )
+    mag_held_sum: list[I32] = integers(
+        3, -HELD_SUM_MAX, HELD_SUM_MAX, "64 uT", "their sum, body", q=14
+    )
+    mag_count: I32 = integer(0, FIELDS_MAX, "", "fields of the frame so far")
+    mag_waited_us: I32 = integer(
+        0, FIELDS_MAX * HELD_MAX_US, "us", "sum of the times that they have waited"
+    )
     mag_sum: list[I32] = integers(3, -FIELD_SUM_MAX, FIELD_SUM_MAX, "64 uT", "their sum in n", q=16)
     mag_rate_sum: list[I32] = integers(
-        3, -FRAME * RATE_FREE, FRAME * RATE_FREE, "rad/us", "sum of rates less bias then", q=29
+        3,
+        -FIELDS_MAX * RATE_FREE,
+        FIELDS_MAX * RATE_FREE,
+        "rad/us",
+        "sum of rates less bias then",
+        q=29,
     )
     mag_due_sum: I32 = integer(
-        -FRAME * DUE_MAX, FRAME * DUE_MAX, "2 rad", "sum of corrections to come then", q=26
+        -FIELDS_MAX * DUE_MAX,
+        FIELDS_MAX * DUE_MAX,
+        "2 rad",
+        "sum of corrections to come then",
+        q=25,
     )
     heading_added: I32 = integer(
         -CORRECTION_MAX, CORRECTION_MAX, "2 rad", "corrections of the heading since the first", q=30
@@ -233,12 +256,16 @@ class State(SharedFields):
     )
     mag_horizontal: I32 = integer(0, NORM_MAX, "64 uT", "its horizontal part", q=14)
     mag_norm: I32 = integer(0, NORM_MAX, "64 uT", "its norm", q=14)
+    mag_one_error: I32 = integer(
+        -32767, 32767, "", "by how much the norm of its newest exceeds the reference", q=15
+    )
     mag_heading: I32 = integer(-(1 << 30), 1 << 30, "rad", "its direction from north", q=28)
     mag_accepted: I32 = integer(
         0,
-        3,
+        4,
         "",
-        "1: it agrees with its reference; 2: the heading is ready to be measured; 3: it was lost",
+        "1: it agrees with its reference; 2: the heading is ready to be measured; 3: it was lost; "
+        "4: it contradicts the heading",
     )
     heading_reset: I32 = integer(
         0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"

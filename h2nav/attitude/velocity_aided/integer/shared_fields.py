@@ -28,6 +28,9 @@ class SharedFields:
     bias_expected: list[I32]
     bias_usual: list[I32]
     bias_walk: list[I32]
+    mag_offset_norm: I32
+    mag_offset_dip: I32
+    mag_offset_s: I32
     accel_bias: list[I32]
     dtilt_accel_n: list[I32]
     dtilt_accel_e: list[I32]

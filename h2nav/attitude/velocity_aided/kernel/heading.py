@@ -227,6 +227,26 @@ def learn_field(
     learn_from_turns(s, w, g, weight * flat * flat, flat, lag, age)
     cosine = flat / norm
     shown = 0.5 * (more_norm * more_norm + more_dip * more_dip) / (cosine * cosine + 0.01)
+    follow_offset(s, more_norm, more_dip, age)
+    share = age / (g.level_time_s + age)
+    s.mag_disturbance = s.mag_disturbance + share * (shown - s.mag_disturbance)
+    if s.mag_ref_given == 0.0:
+        share = age / (g.mag_ref_time_s + age)
+        s.mag_ref_norm = reference + share * (norm - reference)
+        s.mag_ref_dip = s.mag_ref_dip + share * more_dip
+
+
+def follow_offset(s: State, more_norm: float, more_dip: float, age: float) -> None:
+    """Updates the mean differences of norm and dip from the reference.
+
+    Args:
+        s: state.
+        more_norm: difference of the norm, relative.
+        more_dip: difference of the dip, rad.
+        age: time that the field stands for.
+
+    Source: docs/filter.md Eq. (23).
+    """
     # A learnt reference agrees with the field that it comes from.
     time = OFFSET_TIME + age
     if s.mag_ref_given > 0.0:
@@ -236,12 +256,6 @@ def learn_field(
     share = age / time
     s.mag_offset_norm = s.mag_offset_norm + share * (more_norm - s.mag_offset_norm)
     s.mag_offset_dip = s.mag_offset_dip + share * (more_dip - s.mag_offset_dip)
-    share = age / (g.level_time_s + age)
-    s.mag_disturbance = s.mag_disturbance + share * (shown - s.mag_disturbance)
-    if s.mag_ref_given == 0.0:
-        share = age / (g.mag_ref_time_s + age)
-        s.mag_ref_norm = reference + share * (norm - reference)
-        s.mag_ref_dip = s.mag_ref_dip + share * more_dip
 
 
 def learn_from_parts(

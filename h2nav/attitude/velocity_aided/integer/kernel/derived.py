@@ -417,6 +417,27 @@ def match_variance(s: State, g: Gains) -> None:
     )
 
 
+def follow_offset(s: State, more_norm: I32, more_dip: I32, age: I32) -> None:
+    """Updates the mean differences of norm and dip from the reference.
+
+    From `follow_offset`: s.mag_offset_norm, s.mag_offset_dip, s.mag_offset_s.
+
+    Source: docs/filter.md Eq. (23).
+    """
+    time = age + 20000000
+    if s.mag_ref_given > 0:
+        if s.mag_offset_s < 20000000:
+            s.mag_offset_s = clamp(s.mag_offset_s + age, 0, 33554431)
+        time = s.mag_offset_s
+    share = ratio(age, time | 1)
+    s.mag_offset_norm = limited(
+        s.mag_offset_norm + product((more_norm << 11) - s.mag_offset_norm, share), 67108863
+    )
+    s.mag_offset_dip = limited(
+        s.mag_offset_dip + product((more_dip << 11) - s.mag_offset_dip, share), 67108863
+    )
+
+
 def learn_from_parts(
     s: State, weight: I32, down: I32, down_rate: I32, level: I32, flat_rate: I32
 ) -> None:

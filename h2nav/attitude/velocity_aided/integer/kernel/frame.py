@@ -41,11 +41,15 @@ from .derived import (
 from .fixes import apply_fix, choose_fix, judge_fix
 from .functions import limited, product
 from .heading import (
+    CONTRADICTS,
+    doubt_heading,
+    find_errors,
     judge_field,
     judge_heading,
     learn_field,
     learn_latency,
     learn_turns,
+    note_scatter,
     prepare_heading,
     resolve_field,
     weigh_heading,
@@ -58,7 +62,15 @@ from .theta import (
     weigh_gain,
 )
 from .tilt import ask_force, choose_rest, find_rest_gain, judge_rest
-from .velocity import begin_sums, choose_bounded, judge_bounded, level_share, raised, set_ease
+from .velocity import (
+    begin_sums,
+    choose_bounded,
+    drop_held,
+    judge_bounded,
+    level_share,
+    raised,
+    set_ease,
+)
 
 COAST_US = 230000  # of a frame that clipped samples interrupt: one of a length that is not usual
 
@@ -82,6 +94,7 @@ def coast(s: State, g: Gains, r: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (6), (7), (12).
     """
+    drop_held(s)
     if s.phase == 1:
         predict_sensitivities(s, r)
         if s.aided > 0:
@@ -124,16 +137,17 @@ def judge_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -
 def use_motion(s: State, g: Gains, sample: Sample, r: list[I32], phase: I32) -> I32:
     """Corrects theta by the frame's velocity, or by rest instead; returns bits."""
     if phase == 4:
-        find_motion_gain(s, g, s.dvelocity_n, s.dvelocity_accel_n, s.innovation_n, 0)
+        find_motion_gain(s, g, sample, r, s.dvelocity_n, s.dvelocity_accel_n, s.innovation_n, 0)
     elif phase == 6:
-        find_motion_gain(s, g, s.dvelocity_e, s.dvelocity_accel_e, s.innovation_e, 1)
+        find_motion_gain(s, g, sample, r, s.dvelocity_e, s.dvelocity_accel_e, s.innovation_e, 1)
     elif phase == 8:
         if s.velocity_use > 0:
             fade_theta(s)
-            fade_tilt_sigma(s)
             if s.velocity_use == 2:
                 fade_aiding(s)
     elif phase == 9:
+        if s.velocity_use > 0:
+            fade_tilt_sigma(s)
         if s.velocity_use == 2:
             apply_lag(s, g)
             apply_accel(s)
@@ -158,13 +172,22 @@ def rests(s: State, g: Gains) -> I32:
 
 
 def find_motion_gain(
-    s: State, g: Gains, row: list[I32], row_accel: list[I32], innovation: I32, axis: I32
+    s: State,
+    g: Gains,
+    sample: Sample,
+    r: list[I32],
+    row: list[I32],
+    row_accel: list[I32],
+    innovation: I32,
+    axis: I32,
 ) -> None:
     """Finds the gain for one part of the frame's innovation, or for an axis of the rate at rest.
 
     Args:
         s: state.
         g: gains.
+        sample: the newest one.
+        r: rotation.
         row: how the innovation depends on theta.
         row_accel: how it depends on the bias of the accelerometer.
         innovation: north or east.
@@ -173,7 +196,7 @@ def find_motion_gain(
     Source: docs/filter.md Eq. (18), (20).
     """
     if rests(s, g) > 0:
-        find_rest_gain(s)
+        find_rest_gain(s, sample, r)
     elif s.velocity_use == 2:
         find_fix_gain(s, row, row_accel, innovation, s.accel_e if axis > 0 else s.accel_n, axis)
     elif s.velocity_use == 1:
@@ -252,6 +275,7 @@ def use_field(s: State, g: Gains, r: list[I32], phase: I32) -> I32:
         if s.mag_frame_us > 0:
             judge_field(s, g)
             if s.mag_accepted > 0:
+                note_scatter(s, g)
                 prepare_heading(s, g)
     elif phase == 15:
         end_frame(s, g)
@@ -284,14 +308,22 @@ def measure_heading(s: State, g: Gains, phase: I32) -> None:
 def accept_field(s: State, g: Gains) -> I32:
     """Updates reference, latency and disturbance by a field; returns bits.
 
-    Source: docs/filter.md Eq. (21), (23), (24).
+    Of one that contradicts the heading it asks which of them is wrong.
+
+    Source: docs/filter.md Eq. (21), (23), (24), (76).
     """
+    errors = [0, 0]
+    find_errors(s, errors)
+    if s.mag_accepted == CONTRADICTS:
+        s.mag_accepted = 0
+        doubt_heading(s, g, errors)
+        return 0
     age_us = s.mag_frame_us
     s.mag_frame_us = 0
     s.heading_rejected_us = 0
     s.field_silence_us = 0
     if s.mag_accepted < 3:
-        learn_field(s, g, age_us)
+        learn_field(s, g, age_us, errors)
         s.mag_learn_us = age_us
     return FIELD_USED
 

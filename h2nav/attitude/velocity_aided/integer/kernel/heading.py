@@ -14,7 +14,10 @@ from ..memory import (
     FIELD_MAX_US,
     FIELD_PART_MAX,
     FIELD_SUM_MAX,
-    FRAME,
+    FIELDS_MAX,
+    HELD_MAX,
+    HELD_MAX_US,
+    HELD_SUM_MAX,
     LOG_MAX,
     MAX_REJECTED,
     NORM_MAX,
@@ -25,7 +28,7 @@ from ..memory import (
     Sample,
     State,
 )
-from .derived import follow_turns, learn_from_parts, learn_from_turn
+from .derived import follow_offset, follow_turns, learn_from_parts, learn_from_turn
 from .functions import (
     HALF_TURN_Q28,
     length,
@@ -38,29 +41,24 @@ from .functions import (
     signed_ratio,
 )
 from .theta import add_heading, forget_sensitivities
+from .velocity import begin_fields, drop_held
 
 LOG_SECOND_Q8 = 5102  # log2 of 1e6
 TURNED_AT_ONCE = 241591910  # 0.9 rad, Q28: largest turn of the heading by one field
 # bits of the parts of a frame that leave no time for turning a field
-LONG_PARTS = 0b1100_0100_1111_1010
+LONG_PARTS = 0b1100_0110_1111_1010
 RARE_PARTS = 4  # of a sample that comes at 25 Hz or less
 TURNED_MAX = 33500  # rate in n: the root of three times RATE_FREE
 MIN_TURN_2 = 4014  # square of 0.35, Q15: a smaller turn of a field may be its noise
 EASED = 256  # log2 of two: the start counts no more
 HEADING_UNIT = 1 << 27  # half a radian, Q28
+CONTRADICTS = 4  # in `mag_accepted`
+SOUNDER_2 = 9  # a field is sound beside one whose norm and dip differ by three times as much
+MIN_COSINE = 328  # 0.01, Q15
 
 
-def take_field(s: State, sample: Sample, w: list[I32], r: list[I32]) -> None:
-    """Adds a new field to those of the frame; skips a repeated one.
-
-    One that comes with a sample whose part of the frame is a long one is left out, unless there
-    has been none for a second, or such samples are rare.
-
-    Args:
-        s: state.
-        sample: one with a field.
-        w: rate less bias, 1e6 2^-29 rad/s.
-        r: rotation.
+def note_field(s: State, sample: Sample) -> None:
+    """Lets a new field wait, in body axes, for a sample that has time to turn it; skips a repeat.
 
     Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
     """
@@ -72,30 +70,70 @@ def take_field(s: State, sample: Sample, w: list[I32], r: list[I32]) -> None:
     s.mag_last[0] = x
     s.mag_last[1] = y
     s.mag_last[2] = z
+    # at most five wait already (Lemma 15)
+    s.mag_held = known(s.mag_held + 1, 0, HELD_MAX)
+    s.mag_held_us = known(s.mag_held_us + s.mag_age_us, 0, HELD_MAX * FIELD_MAX_US)
+    s.mag_held_sum[0] = known(s.mag_held_sum[0] + x, -HELD_SUM_MAX, HELD_SUM_MAX)
+    s.mag_held_sum[1] = known(s.mag_held_sum[1] + y, -HELD_SUM_MAX, HELD_SUM_MAX)
+    s.mag_held_sum[2] = known(s.mag_held_sum[2] + z, -HELD_SUM_MAX, HELD_SUM_MAX)
+
+
+def has_time(s: State, sample: Sample) -> I32:
+    """Returns 1 if the fields that wait are turned with this sample.
+
+    With a part of the frame that is a long one they are only if none has been for a second, or if
+    such samples are rare.
+    """
     is_long = (LONG_PARTS >> s.phase) & 1
     if is_long > 0 and s.mag_age_us < FIELD_MAX_US and sample.parts < RARE_PARTS:
-        return
-    if s.mag_count == 0:
-        s.heading_added = 0
-        s.mag_due_sum = 0
-        for i in range(3):
-            s.mag_sum[i] = 0
-            s.mag_rate_sum[i] = 0
-    # a field that is left out adds its time to that of the next
-    s.mag_span_us = clamp(s.mag_span_us + s.mag_age_us, 1, FIELD_MAX_US)
+        return 0
+    return 1
+
+
+def turn_fields(s: State, w: list[I32], r: list[I32]) -> None:
+    """Adds the fields that wait to those of the frame.
+
+    Args:
+        s: state.
+        w: rate less bias, 1e6 2^-29 rad/s.
+        r: rotation.
+
+    Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
+    """
+    x = s.mag_held_sum[0]
+    y = s.mag_held_sum[1]
+    z = s.mag_held_sum[2]
+    fields = s.mag_held
+    finer = 12
+    if fields > 1:
+        # up to six: their sum with the digits of one
+        x = (x + 4) >> 3
+        y = (y + 4) >> 3
+        z = (z + 4) >> 3
+        finer = 9
+    x = known(x, -32768, 32768)
+    y = known(y, -32768, 32768)
+    z = known(z, -32768, 32768)
+    waited_us = s.mag_waited_us + fields * s.mag_age_us - s.mag_held_us
+    s.mag_waited_us = known(waited_us, 0, FIELDS_MAX * HELD_MAX_US)
+    s.mag_span_us = known(s.mag_span_us + s.mag_age_us, 0, FIELDS_MAX * FIELD_MAX_US)
     s.mag_age_us = 0
-    # at most sixteen since the sums were zero (Lemma 9)
+    drop_held(s)
+    # at most so many since the sums were zero (Lemma 9)
     for i in range(3):
         part = ((r[3 * i] * x) >> 1) + ((r[3 * i + 1] * y) >> 1) + ((r[3 * i + 2] * z) >> 1)
-        s.mag_sum[i] = known(s.mag_sum[i] + (part >> 12), -FIELD_SUM_MAX, FIELD_SUM_MAX)
-        s.mag_rate_sum[i] = known(s.mag_rate_sum[i] + w[i], -FRAME * RATE_FREE, FRAME * RATE_FREE)
-    due = limited((s.correction[2] >> 4) - (s.heading_added >> 4), DUE_MAX)
-    s.mag_due_sum = known(s.mag_due_sum + due, -FRAME * DUE_MAX, FRAME * DUE_MAX)
-    s.mag_count = known(s.mag_count + 1, 0, FRAME)
+        s.mag_sum[i] = known(s.mag_sum[i] + (part >> finer), -FIELD_SUM_MAX, FIELD_SUM_MAX)
+        rate = s.mag_rate_sum[i] + fields * w[i]
+        s.mag_rate_sum[i] = known(rate, -FIELDS_MAX * RATE_FREE, FIELDS_MAX * RATE_FREE)
+    due = fields * ((s.correction[2] >> 5) - (s.heading_added >> 5))
+    s.mag_due_sum = known(s.mag_due_sum + due, -FIELDS_MAX * DUE_MAX, FIELDS_MAX * DUE_MAX)
+    s.mag_count = known(s.mag_count + fields, 0, FIELDS_MAX)
 
 
-def mean_field(s: State, r: list[I32]) -> None:
-    """Takes the mean of the waiting fields, and of its change by the rotation.
+def mean_field(s: State, r: list[I32]) -> I32:
+    """Takes the mean of the frame's fields, and of its change by the rotation.
+
+    Returns how long they have waited before they were turned, in the mean, 8 us.
 
     Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
     """
@@ -113,12 +151,14 @@ def mean_field(s: State, r: list[I32]) -> None:
     east = s.mag_ned[1] >> 1
     down = s.mag_ned[2] >> 1
     # undoes the rotation since the samples were taken
-    s.mag_rate[0] = limited((y * down - z * east) >> 14, 32767)
-    s.mag_rate[1] = limited((z * north - x * down) >> 14, 32767)
-    s.mag_rate[2] = limited((x * east - y * north) >> 14, 32767)
-    due = product(s.mag_due_sum, share) + (s.heading_added >> 4)
-    s.heading_due = limited(due, DUE_MAX) << 4
-    s.mag_count = 0
+    s.mag_rate[0] = limited((y * down - z * east + 8192) >> 14, 32767)
+    s.mag_rate[1] = limited((z * north - x * down + 8192) >> 14, 32767)
+    s.mag_rate[2] = limited((x * east - y * north + 8192) >> 14, 32767)
+    due = product(s.mag_due_sum, share) + (s.heading_added >> 5)
+    s.heading_due = limited(due, DUE_MAX >> 1) << 5
+    waited = clamp(product(s.mag_waited_us, share) >> 3, 0, HELD_MAX_US >> 3)
+    begin_fields(s)
+    return waited
 
 
 def turned(a: I32, b: I32, c: I32, w: list[I32]) -> I32:
@@ -131,9 +171,8 @@ def resolve_field(s: State, g: Gains, r: list[I32]) -> None:
 
     Source: docs/filter.md Eq. (21).
     """
-    mean_field(s, r)
-    s.mag_frame_us = s.mag_span_us
-    s.mag_span_us = 0
+    s.mag_frame_us = clamp(s.mag_span_us, 1, FIELD_MAX_US)
+    waited = mean_field(s, r)
     size = s.mag_ref_norm >> 14
     weight = limited((size * size) >> 9, 32767)
     prior = product(g.mag_lag_prior, weight)
@@ -144,14 +183,35 @@ def resolve_field(s: State, g: Gains, r: list[I32]) -> None:
         s.mag_lag_den + prior + 1,
     )
     s.mag_lag = clamp(lag >> 1, 0, g.mag_lag_limit)
+    late = s.mag_lag + waited
     for i in range(3):
-        part = s.mag_ned[i] - ((s.mag_lag * s.mag_rate[i]) >> 11)
+        part = s.mag_ned[i] - ((late * s.mag_rate[i] + 1024) >> 11)
         s.mag_ned[i] = limited(part, NORM_MAX)
     size_and_angle = [0, 0]
     polar(s.mag_ned[0], s.mag_ned[1], size_and_angle)
     s.mag_horizontal = clamp(size_and_angle[0], 0, NORM_MAX)
     s.mag_heading = known(size_and_angle[1], -(1 << 30), 1 << 30)
     s.mag_norm = clamp(length(s.mag_horizontal, s.mag_ned[2]), 0, NORM_MAX)
+
+
+def note_scatter(s: State, g: Gains) -> None:
+    """Notes by how much the norm of the newest field exceeds the reference, Q15.
+
+    The mean of the frame has less of the noise, of which the level of disturbance shall know.
+
+    Source: docs/fixed-point.md Eq. (39).
+    """
+    x = s.mag_last[0] >> 2
+    y = s.mag_last[1] >> 2
+    z = s.mag_last[2] >> 2
+    expected = s.mag_ref_norm >> 14
+    square = expected * expected
+    error = signed_ratio(x * x + y * y + z * z - square, 2 * square + 1)
+    if abs(error) >= g.mag_norm_gate:
+        # the floats refuse it
+        expected = s.mag_ref_norm >> 12
+        error = signed_ratio(s.mag_norm - expected, expected + 1)
+    s.mag_one_error = error
 
 
 def judge_field(s: State, g: Gains) -> None:
@@ -293,16 +353,65 @@ def moved(reference: I32, part: I32, share: I32) -> I32:
     return limited(reference + product(value - reference, share), REF_MAX)
 
 
-def learn_field(s: State, g: Gains, age: I32) -> None:
+def find_errors(s: State, errors: list[I32]) -> None:
+    """Writes how much the field's norm, relative, and dip, as a sine, exceed the reference, Q15."""
+    expected = s.mag_ref_norm >> 12
+    errors[0] = signed_ratio(s.mag_norm - expected, expected + 1)
+    both = (s.mag_norm >> 2) * (expected >> 2)
+    # the field is steeper where what is crossed is negative
+    errors[1] = -signed_ratio(crossed(s, s.mag_ref_horizontal, s.mag_ref_down), both + 1)
+
+
+def doubt_heading(s: State, g: Gains, errors: list[I32]) -> None:
+    """Opens a heading that a disturbed field has given, if one that contradicts it is sound.
+
+    Steel under the place of take-off bends the field on the ground only. The next field is accepted
+    then.
+
+    Args:
+        s: state.
+        g: gains.
+        errors: of the field that contradicts, from `find_errors`.
+
+    Source: docs/filter.md Eq. (76).
+    """
+    x = s.mag_offset_norm >> 12
+    y = s.mag_offset_dip >> 12
+    shown = x * x + y * y
+    x = errors[0] >> 1
+    y = errors[1] >> 1
+    if SOUNDER_2 * ((x * x + y * y) >> 2) > shown >> 2:
+        return
+    # a third component as large as the two that showed, over the dip's cosine
+    level = ratio(s.mag_ref_horizontal, s.mag_ref_norm + 1) + MIN_COSINE
+    log_level = logarithm(level) - (15 << 8)
+    more = power2(logarithm(shown | 1) - 2 * log_level + 256)
+    part = limited(s.heading_innovation >> 13, 46340)
+    if (part * part) >> 15 > product(more, g.mag_heading_gate):
+        return
+    s.heading_rejected_us = 0
+    s.heading_variance = limited(s.heading_variance + more, THETA_MAX)
+
+
+def learn_field(s: State, g: Gains, age: I32, errors: list[I32]) -> None:
     """Updates level of disturbance and reference by an accepted field.
+
+    Args:
+        s: state.
+        g: gains.
+        age: time that it stands for.
+        errors: from `find_errors`.
 
     Source: docs/filter.md Eq. (23), (24).
     """
-    expected = s.mag_ref_norm >> 12
-    norm_error = ratio(abs(s.mag_norm - expected), expected + 1)
-    both = (s.mag_norm >> 2) * (expected >> 2)
-    dip_error = ratio(abs(crossed(s, s.mag_ref_horizontal, s.mag_ref_down)), both + 1)
-    shown = ((norm_error * norm_error) >> 1) + ((dip_error * dip_error) >> 1)
+    follow_offset(s, errors[0], errors[1], age)
+    norm_2 = (errors[0] * errors[0]) >> 1
+    # of one field instead of the mean's: by as much as the norm shows, the dip scatters, too
+    one_2 = (s.mag_one_error * s.mag_one_error) >> 1
+    dip_2 = ((errors[1] * errors[1]) >> 1) + one_2 - norm_2
+    if dip_2 < 0:
+        dip_2 = 0
+    shown = one_2 + dip_2
     # over twice the dip's cosine squared; the addend keeps it finite in a vertical field
     norm = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
     flat = (s.mag_horizontal >> 2) * (s.mag_horizontal >> 2) + (norm >> 7) + 1
@@ -453,6 +562,7 @@ def judge_heading(s: State, g: Gains) -> None:
     s.mag_frame_us = 0
     if s.heading_witnessed > 0:
         return
+    s.mag_accepted = CONTRADICTS
     s.heading_rejected_us = clamp(s.heading_rejected_us + age, 0, AGE_MAX_US)
     if s.heading_rejected_us > g.mag_new_time_us:
         # it has lasted: the heading is wrong

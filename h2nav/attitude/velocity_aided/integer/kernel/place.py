@@ -1,11 +1,11 @@
-"""The field of the place where the vehicle is, given to the velocity-aided filter in integers.
+"""What a program tells the velocity-aided filter in integers: the field, how late fixes are.
 
-Source: docs/filter.md Eq. (23) to (26).
+Source: docs/filter.md Eq. (23) to (26), (37).
 """
 
-from h2nav.maths.fixedpoint import I16, clamp
+from h2nav.maths.fixedpoint import I16, I32, clamp
 
-from ..memory import NORM_MAX, Gains, State
+from ..memory import LATENCY_MAX, NORM_MAX, Gains, State
 from .functions import HALF_TURN_Q28, limited, polar, signed_ratio
 from .heading import turn_heading
 
@@ -40,3 +40,21 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     s.mag_new_us = 0
     if s.age_us >= 0 and s.heading_reset == 0 and s.aided == 0:
         turn_heading(s, g, change)
+
+
+def remove_fix_delay(s: State, g: Gains, removed: I32) -> None:
+    """So much of the fixes' delay has been taken off their times: what is left is less by as much.
+
+    It may be less than none, if too much was taken off.
+
+    Args:
+        s: state.
+        g: gains.
+        removed: in all, s, Q30, from 0 to half a second.
+    """
+    removed = limited(removed, LATENCY_MAX)
+    if removed < 0:
+        removed = 0
+    lag = s.fix_lag + s.fix_removed - removed
+    s.fix_removed = removed
+    s.fix_lag = clamp(lag, -removed, g.fix_lag_limit)

@@ -93,8 +93,6 @@ def resume(s: State, g: Gains, sample: Sample) -> I32:
         return align(s, g, sample)
     if s.heading_reset == 0:
         s.heading_reset = 2
-    s.mag_span_us = 0
-    s.mag_count = 0
     s.mag_frame_us = 0
     begin(s, g, sample, AIR_TILT_SIGMA)
     return RESTARTED

@@ -36,7 +36,7 @@ from ..memory import (
 )
 from .fixes import note_fix
 from .frame import coast, second_stage
-from .heading import take_field
+from .heading import has_time, note_field, turn_fields
 from .start import align, begin_anew
 from .tilt import MAX_CLIPPED, doubt_gap, doubt_rate, watch_rest
 from .velocity import accelerate, change_aiding, correct_velocity
@@ -106,7 +106,9 @@ def use_sample(s: State, g: Gains, sample: Sample, r: list[I32]) -> I32:
         correct_velocity(s, sample, r)
         bits = FORCE_USED
     if has_mag > 0:
-        take_field(s, sample, w, r)
+        note_field(s, sample)
+    if s.mag_held > 0 and has_time(s, sample) > 0:
+        turn_fields(s, w, r)
     watch_rest(s, g, sample, rate)
     return bits | second_stage(s, g, sample, r)
 

@@ -38,6 +38,7 @@ GROUND_COSINE_2 = 31792  # square of 0.985: no steady acceleration on the ground
 REST_FLOOR = 3627000  # (0.1 deg/s)^2 in units of theta, Q28
 # of the bias where the rate stands still: a step of 1 mrad/s over the root of 3, as REST_FLOOR
 HIDDEN = 398950
+UPRIGHT = 16384  # cosine, Q15: an axis within 60 deg of the vertical
 REST_SIGMAS_2 = 9  # a rate this far from the known bias is not a bias
 ONE_Q26 = 1 << 26
 # Q28 to Q36, us to s, a third, and the unit of jitter_share: 8 + log2(1e6 / 3 / 827.6)
@@ -93,10 +94,6 @@ def judge_rest(s: State, g: Gains, sample: Sample) -> None:
         return
     s.steady_us = clamp(s.steady_us + time_us, 0, AGE_MAX_US)
     still = sample.rest_prior
-    # a rotor may turn it about the vertical; a bias that is less known, or that no field will show,
-    # is learnt all the same
-    if still == TURNABLE and s.heading_reset == 0 and s.p_zz < REST_FLOOR:
-        still = 0
     # a slow turn looks like rest in these signals: the bias must not jump by it
     if still == 1 and moves(s, 0, s.p_xx) + moves(s, 1, s.p_yy) + moves(s, 2, s.p_zz) > 0:
         still = 0
@@ -132,13 +129,35 @@ def moves(s: State, axis: I32, variance: I32) -> I32:
     return 0
 
 
-def find_rest_gain(s: State) -> None:
+def turns(s: State, r: list[I32], axis: I32) -> I32:
+    """Returns 1 if an armed vehicle's slow turn on the ground may be in this axis' rate.
+
+    A rotor turns it about the vertical. A bias that is known less well, or that no field will show,
+    is learnt all the same.
+
+    Source: docs/filter.md Eq. (31).
+    """
+    variance = s.p_xx
+    if axis == 1:
+        variance = s.p_yy
+    elif axis == 2:
+        variance = s.p_zz
+    if s.heading_reset == 0 and variance < REST_FLOOR and abs(r[6 + axis]) > UPRIGHT:
+        return 1
+    return 0
+
+
+def find_rest_gain(s: State, sample: Sample, r: list[I32]) -> None:
     """Finds the gain for one axis of the low-passed rate taken as bias; the axes take turns.
 
     Source: docs/filter.md Eq. (20).
     """
     axis = s.rest_axis
     s.rest_axis = axis + 1 if axis < 2 else 0
+    if sample.rest_prior == TURNABLE and turns(s, r, axis) > 0:
+        s.gain_inverse = 0
+        s.gain_innovation = 0
+        return
     for i in range(4):
         s.jacobian[i] = 0
     s.jacobian[axis] = 1 << 24
@@ -150,10 +169,13 @@ def find_rest_gain(s: State) -> None:
 def choose_rest(s: State, g: Gains) -> None:
     """Sets the noise of the rate at rest, in place of that of a velocity.
 
-    Two of three axes are used in a frame: each has the noise of one and a half.
+    Two of three axes are used in a frame: each has the noise of one and a half. Nothing
+    accelerates: what is felt is a wrong tilt, and says nothing of the heading.
 
-    Source: docs/filter.md Eq. (20).
+    Source: docs/filter.md Eq. (13), (20).
     """
+    s.dvelocity_n[3] = 0
+    s.dvelocity_e[3] = 0
     log_time = logarithm(s.frame_time * 3 + 1) - (18 << 8)
     s.log_noise = limited(g.log_rest_noise - log_time, LOG_MAX)
 
@@ -309,8 +331,6 @@ def upright(s: State, x: I32, y: I32, z: I32, north: list[I32]) -> I32:
     s.correction[1] = 0
     s.correction[2] = 0
     # a waiting field was rotated by another attitude
-    s.mag_span_us = 0
-    s.mag_count = 0
     s.mag_frame_us = 0
     s.mag_learn_us = 0
     return 1

@@ -107,8 +107,29 @@ def begin_sums(s: State) -> None:
     s.turning_sum = 0
     s.jitter_sum = 0
     s.force_sum = 0
-    s.mag_count = 0
     s.velocity_use = 0
+    drop_held(s)
+    begin_fields(s)
+
+
+def drop_held(s: State) -> None:
+    """No field waits."""
+    s.mag_held = 0
+    s.mag_held_us = 0
+    for i in range(3):
+        s.mag_held_sum[i] = 0
+
+
+def begin_fields(s: State) -> None:
+    """Starts the sums of a frame's fields again."""
+    s.mag_count = 0
+    s.mag_span_us = 0
+    s.mag_waited_us = 0
+    s.mag_due_sum = 0
+    s.heading_added = 0
+    for i in range(3):
+        s.mag_sum[i] = 0
+        s.mag_rate_sum[i] = 0
 
 
 def correct_velocity(s: State, sample: Sample, r: list[I32]) -> None:
