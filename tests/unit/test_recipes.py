@@ -178,6 +178,62 @@ assert any(one.message_id == air.msg_id for one in asked)
         "    assert main(['check-config', '--schema']) == 0\n"
         "assert '\"made_hz\"' in out.getvalue()\n",
     ),
+    "A message that is sent": (
+        {
+            "h2nav/wire/outbound.py": (
+                "def named_value_float(",
+                "def made(t_us: int) -> OutMessage:\n"
+                '    """VIBRATION."""\n'
+                "    return mavlink.MAVLink_vibration_message(t_us, 0.0, 0.0, 0.0, 0, 0, 0)\n\n\n"
+                "def named_value_float(",
+            ),
+            "h2nav/service/outputs.py": (
+                "            mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(\n",
+                "            mavlink.MAVLINK_MSG_ID_VIBRATION: _Output(\n"
+                "                lambda estimate: (outbound.made(estimate.t_us),),\n"
+                "                settings.made_rate_hz,\n"
+                "            ),\n"
+                "            mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: _Output(\n",
+            ),
+            "h2nav/service/settings.py": (
+                "    difference_rate_hz: RateHz = 0.0\n",
+                "    difference_rate_hz: RateHz = 0.0\n    made_rate_hz: RateHz = 5.0\n",
+            ),
+        },
+        "from h2nav.attitude.samples import AttitudeEstimate, Trust\n"
+        "from h2nav.service.outputs import Outputs\n"
+        "from h2nav.service.settings import OutputSettings\n"
+        "outputs, zero = Outputs(OutputSettings()), (0.0, 0.0, 0.0)\n"
+        "sent = []\n"
+        "for ms in range(1000, 3000, 10):\n"
+        "    estimate = AttitudeEstimate(\n"
+        "        1000 * ms, (1.0, 0.0, 0.0, 0.0), zero, zero, zero, 0.01, Trust.ALIGNED, 0.02\n"
+        "    )\n"
+        "    sent += [m for m in outputs.due(estimate) if m.get_type() == 'VIBRATION']\n"
+        "assert sent[0].time_usec == 1000000\n"
+        "assert 10 <= len(sent) <= 11\n"
+        "assert outputs.latest(sent[0].get_msgId())[0].time_usec == 2990000\n",
+    ),
+    "A fault of the fake autopilot": (
+        {
+            "h2nav/sim/faults.py": (
+                '    "gyro-bias": _of_imu(',
+                '    "made": _of_imu("a made one", 2.0),\n    "gyro-bias": _of_imu(',
+            ),
+            "h2nav/sim/sensor_faults.py": (
+                '    "gyro-bias": lambda',
+                '    "made": lambda s, x: s._replace(w_b=_scaled(s.w_b, x)),\n'
+                '    "gyro-bias": lambda',
+            ),
+        },
+        "from h2nav.attitude.samples import ImuSample\n"
+        "from h2nav.sim.faults import FaultSchedule, parse_fault\n"
+        "from h2nav.sim.sensor_faults import SensorFaults\n"
+        "faults = SensorFaults(FaultSchedule([parse_fault('made=3@2+1')]))\n"
+        "sample = ImuSample(0, (0.1, 0.2, 0.3), (0.0, 0.0, -9.8))\n"
+        "assert faults.apply(1.9, sample).w_b == sample.w_b\n"
+        "assert faults.apply(2.5, sample).w_b[1] == 3 * 0.2\n",
+    ),
 }  # fmt: skip
 
 
