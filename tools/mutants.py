@@ -28,6 +28,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 import yaml
+from mutation.forks import NEAR_BUDGET_S
 from mutation.line_map import QUICK, Chosen, LineMap, nearest, own_first, record, test_files
 from mutation.operators import Mutant, code_lines, mutants
 from mutation.trial import Verdict, Workplace, change, diff
@@ -37,7 +38,6 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 KEPT = REPOSITORY / ".mutants"
 EQUIVALENT = REPOSITORY / "tools" / "mutation" / "equivalent.yaml"
 BUDGET_S = 30.0  # of the processor, for the tests that a mutant faces
-NEAR_BUDGET_S = 12.0  # the same for the quick ones
 KILLED = ("killed", "timeout")
 NEAR, ROOM = "near", "room"  # which tests a mutant faces
 
