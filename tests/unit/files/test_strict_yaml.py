@@ -23,9 +23,24 @@ class Outer:
     names: tuple[str, ...] = ("a",)
 
 
-def errors(mapping):
+@dataclass(frozen=True)
+class Span:
+    low: float = 0.0
+    high: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.low > self.high:
+            raise BadInput(f"low {self.low:g} is above high {self.high:g}", "exchange them")
+
+
+@dataclass(frozen=True)
+class Ruled:
+    span: Span = field(default_factory=Span)
+
+
+def errors(mapping, record_type=Outer):
     with pytest.raises(BadInput) as caught:
-        into_record(Outer, mapping, "file.yaml")
+        into_record(record_type, mapping, "file.yaml")
     return caught.value.lines
 
 
@@ -69,3 +84,10 @@ def test_all_errors_are_reported_together():
 def test_no_error_is_longer_than_a_few_lines():
     key, text = "k" * 1_000_000, "x" * 1_000_000
     assert all(len(line) < 300 for line in errors({key: 1, "name": "a", "count": text}))
+
+
+def test_a_rule_that_a_record_checks_itself_is_a_complaint_with_its_place():
+    assert list(errors({"span": {"low": 2}}, Ruled)) == [
+        "file.yaml: span: low 2 is above high 1",
+        "file.yaml: span: exchange them",
+    ]
