@@ -75,10 +75,12 @@ SURELY = 0.99
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 MIN_SHARE = 1.0 / 9.0
-# A sensor that breaks while that of another IMU shows the same: in one of so many cases both break
-# alike. Within a failure's usual size sensors of one board are moved alike by their common
-# temperature, supply and shocks: that they agree says nothing of their bias.
-BREAK_ALIKE = 10.0
+# A sensor that fails while that of another IMU shows the same: in one of so many cases both fail
+# alike. Zeros of sound accelerometers move alike by temperature (1 mg/K) and supply, by less than
+# 0.1 m/s^2 in a window; two that fail by 0.6 m/s^2 each are as near to each other in one of 36
+# cases, three in one of 1,300. What moves the gyros of one board alike, by temperature and shocks,
+# is as large as the usual size of a failure: that they agree says nothing of their bias.
+FAIL_ALIKE = 100.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
 # A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom;
@@ -422,9 +424,10 @@ class _Comparison:
 
     def _seen_by_another(self, one: _Variant) -> _Variant:
         """The variant with how likely another IMU's sensor shows what it shows."""
-        if not one.breaks or one.cause not in self._cleared:
+        steps = one.cause is Cause.ACCELEROMETER and one.own > 0
+        if one.cause not in self._cleared or not (one.breaks or steps):
             return one
-        return one._replace(motion=one.motion - math.log(BREAK_ALIKE))
+        return one._replace(motion=one.motion - math.log(FAIL_ALIKE))
 
     def _motion(self, one: _Variant) -> float:
         """Logarithm of how likely the vehicle accelerates as it does if this is the cause.
