@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.errors import BadInput
+from h2nav.maths.units import HOUR_S
 from h2nav.recordings import telemetry_controls as controls
 from h2nav.recordings.airframe_identity import ardupilot_board, autopilot_uid
 from h2nav.recordings.attitude_tables import ATTITUDES, attitudes_of, truth_of
@@ -43,6 +45,10 @@ from h2nav.wire.imu import (
 )
 
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+# A longer recording with fewer messages holds times that are damaged: a review needs memory for
+# every second of it.
+LONGEST_SPARSE_S = 12 * HOUR_S
+MIN_HZ = 1.0
 
 MESSAGE_IDS = frozenset(
     {
@@ -59,7 +65,11 @@ Tables = Mapping[int, FrameTable]
 
 
 def read_context(recording: Recording) -> Context:
-    """Reads the context of a recording, in a separate pass."""
+    """Reads the context of a recording, in a separate pass.
+
+    Raises:
+        BadInput: its times are damaged.
+    """
     maker, scan, lost = TableMaker(MESSAGE_IDS), FrameScan(), LostFrames()
     start_ns: int | None = None
     end_ns = 0
@@ -72,7 +82,15 @@ def read_context(recording: Recording) -> Context:
             end_ns = int(arrivals.t_ns[-1])
     offset_ns = 0 if recording.times_are_synthetic else recording.unix_offset_ns
     tables = maker.tables()
-    context = context_of(tables, start_ns or 0, end_ns, offset_ns, dict(recording.notes))
+    start_ns = start_ns or 0
+    messages = sum(len(table.t_ns) for table in tables.values())
+    length_s = 1e-9 * (end_ns - start_ns)
+    if length_s > max(LONGEST_SPARSE_S, messages / MIN_HZ):
+        raise BadInput(
+            f"{recording.path}: {messages} messages within {length_s / HOUR_S:.0f} h; "
+            "expected a recording with times that are not damaged"
+        )
+    context = context_of(tables, start_ns, end_ns, offset_ns, dict(recording.notes))
     beats = _heartbeats(tables)
     if beats is None:
         return context

@@ -9,13 +9,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from replayed import TAKEOFF
 
+from h2nav.errors import BadInput
 from h2nav.integrity.findings import Severity
 from h2nav.maths.quaternion import from_euler
 from h2nav.recordings.context import Context
 from h2nav.recordings.frame_tables import tables
 from h2nav.recordings.recording import open_recording
 from h2nav.recordings.rotations import quaternions
-from h2nav.recordings.telemetry import MESSAGE_IDS, context_of
+from h2nav.recordings.telemetry import MESSAGE_IDS, context_of, read_context
 from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.readers import READERS
@@ -97,6 +98,18 @@ def test_modes_and_arming_follow_the_heartbeats(tmp_path):
         ("LAND", 4.0, 6.0),
     ]
     assert [(span.from_s, span.to_s) for span in found.armed] == [(2.0, 6.0)]
+
+
+@pytest.mark.parametrize(("apart_s", "is_read"), [(1_000.0, True), (20_000.0, False)])
+def test_a_few_messages_in_a_day_have_damaged_times(tmp_path, apart_s, is_read):
+    """A review needed memory for every second of years."""
+    beats = [(apart_s * i, beat(GUIDED, armed=True)) for i in range(20)]
+    recording = open_recording(recorded(tmp_path / "x.tlog", *beats))
+    if is_read:
+        assert read_context(recording).duration_s == pytest.approx(19_000.0)
+        return
+    with pytest.raises(BadInput, match="20 messages within 106 h"):
+        read_context(recording)
 
 
 def test_texts_in_pieces_become_whole(tmp_path):
