@@ -151,7 +151,7 @@ def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constan
     return samples
 
 
-def velocity_aided_samples(rows_wanted: int = 232, seed: int = 1) -> list[velocity_aided.Sample]:
+def velocity_aided_samples(rows_wanted: int = 208, seed: int = 1) -> list[velocity_aided.Sample]:
     """Motion with fields, then also with fixes, then random numbers; some samples are long.
 
     At most as many rows as fit into 32 kB, the largest table of an AVR, and with the filter into

@@ -100,20 +100,18 @@ def turn_fields(s: State, w: list[I32], r: list[I32]) -> None:
 
     Source: docs/fixed-point.md Eq. (27); docs/filter.md Eq. (21).
     """
-    x = s.mag_held_sum[0]
-    y = s.mag_held_sum[1]
-    z = s.mag_held_sum[2]
     fields = s.mag_held
     finer = 12
     if fields > 1:
         # up to six: their sum with the digits of one
-        x = (x + 4) >> 3
-        y = (y + 4) >> 3
-        z = (z + 4) >> 3
+        x = (s.mag_held_sum[0] + 4) >> 3
+        y = (s.mag_held_sum[1] + 4) >> 3
+        z = (s.mag_held_sum[2] + 4) >> 3
         finer = 9
-    x = known(x, -32768, 32768)
-    y = known(y, -32768, 32768)
-    z = known(z, -32768, 32768)
+    else:
+        x = known(s.mag_held_sum[0], -32768, 32767)
+        y = known(s.mag_held_sum[1], -32768, 32767)
+        z = known(s.mag_held_sum[2], -32768, 32767)
     waited_us = s.mag_waited_us + fields * s.mag_age_us - s.mag_held_us
     s.mag_waited_us = known(waited_us, 0, FIELDS_MAX * HELD_MAX_US)
     s.mag_span_us = known(s.mag_span_us + s.mag_age_us, 0, FIELDS_MAX * FIELD_MAX_US)
@@ -405,13 +403,12 @@ def learn_field(s: State, g: Gains, age: I32, errors: list[I32]) -> None:
     Source: docs/filter.md Eq. (23), (24).
     """
     follow_offset(s, errors[0], errors[1], age)
-    norm_2 = (errors[0] * errors[0]) >> 1
     # of one field instead of the mean's: by as much as the norm shows, the dip scatters, too
-    one_2 = (s.mag_one_error * s.mag_one_error) >> 1
-    dip_2 = ((errors[1] * errors[1]) >> 1) + one_2 - norm_2
+    one_2 = s.mag_one_error * s.mag_one_error
+    dip_2 = errors[1] * errors[1] + one_2 - errors[0] * errors[0]
     if dip_2 < 0:
         dip_2 = 0
-    shown = one_2 + dip_2
+    shown = (one_2 >> 1) + (dip_2 >> 1)
     # over twice the dip's cosine squared; the addend keeps it finite in a vertical field
     norm = (s.mag_norm >> 2) * (s.mag_norm >> 2) + 1
     flat = (s.mag_horizontal >> 2) * (s.mag_horizontal >> 2) + (norm >> 7) + 1
