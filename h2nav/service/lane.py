@@ -264,15 +264,18 @@ class Lane:
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or sent.is_left or self.rate_hz >= enough_hz
         vibration_m_s2 = self._monitor.vibration_m_s2
-        may_follow = self.has_estimate and not self.needs_restart and has_rate
+        filtered = self._filtered
         return Condition(
-            may_follow,
+            filtered is not None and not self.needs_restart and has_rate,
             self.is_silent(t_ns) or self.is_left,
             self.ratio,
             self._worst_ratios.field,
             vibration_m_s2,
             is_shaken=is_reported or vibration_m_s2 > VIBRATION_M_S2,
             compass_is_wrong=self.compass_is_wrong,
+            sigma_rad=0.0
+            if filtered is None
+            else math.hypot(filtered.sigma_tilt_rad, filtered.sigma_heading_rad),
         )
 
     def alarms(self, is_sent: bool) -> list[Alarm]:

@@ -1,7 +1,9 @@
 """Selects the lane that is sent: the first, until it is silent, faulty, shaken or clearly worse.
 
 It never switches back without a cause: every switch is a step in the output, and the new lane has
-proved to be as good.
+proved to be as good. Of those that pass their tests well, the most certain one follows: a ratio
+well below 1 is chance, while a lane whose accelerometer is off by the most a data sheet allows
+knows that it does not know its tilt.
 """
 
 import math
@@ -19,6 +21,8 @@ FIELD_LASTING_NS = 2_000_000_000
 # The noise of a lane refers to a whole second.
 NOISE_LASTING_NS = 1_000_000_000
 GOOD_FIELD = 0.5
+# A test ratio below this says no more than this.
+GOOD = 0.5
 
 
 class SwitchCause(Enum):
@@ -42,6 +46,7 @@ class Condition(NamedTuple):
     noise_m_s2: float = 0.0  # vibration in its samples
     is_shaken: bool = False  # its sensors vibrate beyond their range
     compass_is_wrong: bool = False  # other compasses and velocities contradict its own
+    sigma_rad: float = 0.0  # deviation of its attitude
 
     @property
     def may_be_left(self) -> bool:
@@ -88,7 +93,7 @@ class LaneSelection:
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
         if cause is SwitchCause.NOISE:
             others = {lane: found for lane, found in others.items() if _is_calmer(found, present)}
-        return Switch(min(others, key=lambda lane: (others[lane].ratio, lane)), cause)
+        return Switch(min(others, key=lambda lane: (*_rank(others[lane]), lane)), cause)
 
 
 _PATIENCE_NS = {
@@ -117,6 +122,11 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause |
     if present.field_ratio > 1.0 and any(map(_sees_north, others.values())):
         return SwitchCause.COMPASS
     return None
+
+
+def _rank(lane: Condition) -> tuple[float, float]:
+    """How much speaks against a lane: first its tests, then its deviation."""
+    return max(lane.ratio, GOOD), lane.sigma_rad
 
 
 def _sees_north(lane: Condition) -> bool:

@@ -79,8 +79,20 @@ def test_a_better_lane_is_no_cause_by_itself():
 
 
 def test_the_best_of_the_others_takes_over():
-    _, switch = first_switch(BAD, GOOD._replace(ratio=0.4), GOOD)
+    _, switch = first_switch(BAD, GOOD._replace(ratio=0.8), GOOD._replace(ratio=0.6))
     assert switch.lane == 2
+
+
+def test_of_two_that_pass_well_the_more_certain_one_takes_over():
+    """Whose accelerometer is off by 60 mg knows its tilt to 3 deg, and passes as well."""
+    unsure = GOOD._replace(ratio=0.05, sigma_rad=0.06)
+    _, switch = first_switch(BAD, unsure, GOOD._replace(ratio=0.45, sigma_rad=0.002))
+    assert switch.lane == 2
+
+
+def test_a_certain_one_that_barely_passes_does_not_take_over():
+    _, switch = first_switch(BAD, GOOD._replace(sigma_rad=0.06), GOOD._replace(ratio=0.9))
+    assert switch.lane == 1
 
 
 def test_a_compass_that_is_off_is_left_for_one_that_sees_north():
