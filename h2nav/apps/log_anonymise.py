@@ -3,6 +3,7 @@
 import argparse
 import secrets
 import sys
+import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from h2nav.errors import BadInput
 if TYPE_CHECKING:
     from h2nav.recordings.anonymous import Coordinates, Replacement
     from h2nav.recordings.anonymous_logs import Counted
+    from h2nav.recordings.anonymous_place import Elsewhere
 
 _CLOSING = """\
 The flight is moved, not turned, to another place with the earth's field and the gravity of the old
@@ -37,7 +39,7 @@ exit status: 1 if something remained or the findings differ; the new file is kep
 # Findings of both reviews are the same within this.
 SAME_S = 0.5
 # Weeks by which dates go back.
-MAX_WEEKS = 200
+MAX_WEEKS = 400
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,8 +72,7 @@ def run(args: argparse.Namespace) -> int:
     kind = _kind(args.log)
     fixes, unix_s = _facts(kind, args.log)
     origin = fixes[0] if fixes else None
-    weeks = 0 if args.keep_date else 1 + secrets.randbelow(MAX_WEEKS)
-    target = _target(args, origin, unix_s)
+    target, weeks = _target(args, origin, unix_s)
     by = Replacement(origin, target, weeks, secrets.token_bytes(32))
     try:
         with byte_bar("anonymising") as progress:
@@ -131,18 +132,22 @@ def _facts(kind: str, path: Path) -> "tuple[list[Coordinates], float | None]":
 
 def _target(
     args: argparse.Namespace, origin: "Coordinates | None", unix_s: float | None
-) -> "Coordinates":
+) -> "Elsewhere":
     from h2nav.recordings.anonymous import Coordinates
-    from h2nav.recordings.anonymous_place import random_place, similar_place
+    from h2nav.recordings.anonymous_place import Elsewhere, random_place, similar_place
 
+    allowed = range(1) if args.keep_date else range(1, MAX_WEEKS + 1)
+    weeks = secrets.choice(allowed)
     if args.to is not None:
-        return _place(args.to)
+        return Elsewhere(_place(args.to), weeks)
     if origin is None:
-        return Coordinates(0.0, 0.0)
+        return Elsewhere(Coordinates(0.0, 0.0), weeks)
     seed = secrets.randbits(64)
     if args.far:
-        return random_place(origin, seed)
-    return similar_place(origin, 0.0, 0.0 if unix_s is None else unix_s, seed)
+        return Elsewhere(random_place(origin, seed), weeks)
+    if unix_s is None:  # its review takes the present date
+        return similar_place(origin, time.time(), range(1), seed)
+    return similar_place(origin, unix_s, allowed, seed)
 
 
 def _place(text: str) -> "Coordinates":

@@ -1,52 +1,77 @@
-"""A place elsewhere on earth at which the same flight would have measured the same.
+"""A place and a date elsewhere at which the same flight would have measured the same.
 
-A compass shows declination, dip and strength of the earth's field, an accelerometer gravity. So the
-place is searched in the same band of latitude, where the World Magnetic Model has the field of the
-flight, and far enough away to tell nothing about it.
+A compass shows declination, dip and strength of the earth's field, an accelerometer gravity. Three
+numbers of the field need three unknowns: latitude, longitude and the date, since the field changes
+over years. Both are searched together, in a band of latitude, far enough away to tell little about
+the place. What a search finds lies on the edge of what it may find, so the edge is drawn as well.
 """
 
 import math
 import random
+from collections.abc import Callable
+from typing import NamedTuple
 
 from h2nav.attitude.samples import EarthField
 from h2nav.files.earth_field import earth_field_at
 from h2nav.maths.units import EARTH_RADIUS_M
-from h2nav.recordings.anonymous import Coordinates
+from h2nav.recordings.anonymous import WEEK_S, Coordinates
 
 # Gravity differs by 0.003 m/s^2 over this.
 BAND_DEG = 3.0
-# A latitude this near to the old one would still tell it.
-MIN_BAND_DEG = 0.3
-FAR_M = 120_000.0
+# A latitude this near to the old one would still tell it, and so would a place; drawn in between.
+MIN_BAND_DEG = (0.2, 0.5)
+FAR_M = (80_000.0, 160_000.0)
 # Differences of the field that count as one: less than the model's own error of 0.4 deg in
 # declination and 0.2 deg in dip, and what buildings do to its strength.
 DECLINATION_RAD, DIP_RAD, NORM_SHARE = math.radians(0.3), math.radians(0.5), 0.01
-TRIES, STEPS, BEST = 1000, 60, 12
+TRIES, STEPS, BEST = 800, 60, 12
 
 
-def similar_place(origin: Coordinates, altitude_m: float, unix_s: float, seed: int) -> Coordinates:
-    """A random place with the field of another one.
+class Elsewhere(NamedTuple):
+    """Where a flight goes."""
+
+    place: Coordinates
+    weeks: int  # by which its date goes back
+
+
+class _Edge(NamedTuple):
+    """How near a place may come."""
+
+    origin: Coordinates
+    far_m: float
+    band_deg: float
+
+    def allows(self, place: Coordinates) -> bool:
+        """Whether it is far enough, and not beyond the band of latitude."""
+        north_deg = abs(place.latitude_deg - self.origin.latitude_deg)
+        is_in_band = self.band_deg <= north_deg <= 2.0 * BAND_DEG
+        return is_in_band and _apart_m(self.origin, place) >= self.far_m
+
+
+def similar_place(origin: Coordinates, unix_s: float, weeks: range, seed: int) -> Elsewhere:
+    """A random place and date with the field of another one.
 
     Args:
         origin: the place of the flight.
-        altitude_m: above sea level.
-        unix_s: the date.
+        unix_s: its date.
+        weeks: by which the date may go back.
         seed: of the random choice.
     """
     rng = random.Random(seed)
-    wanted = earth_field_at(*origin, altitude_m, unix_s)
+    wanted = earth_field_at(*origin, 0.0, unix_s)
     if wanted is None:
-        return random_place(origin, seed)
+        return Elsewhere(random_place(origin, seed), rng.choice(weeks))
+    edge = _Edge(origin, rng.uniform(*FAR_M), rng.uniform(*MIN_BAND_DEG))
 
-    def cost(place: Coordinates) -> float:
-        if not _is_elsewhere(origin, place):
+    def cost(tried: Elsewhere) -> float:
+        if not edge.allows(tried.place):
             return math.inf
-        found = earth_field_at(*place, altitude_m, unix_s)
+        found = earth_field_at(*tried.place, 0.0, unix_s - tried.weeks * WEEK_S)
         return math.inf if found is None else difference(wanted, found)
 
-    tried = [_within_band(origin, rng) for _ in range(TRIES)]
-    scored = sorted((cost(place), place) for place in tried)[:BEST]
-    return min((_refined(place, score, cost, rng) for score, place in scored))[1]
+    tried = [Elsewhere(_drawn(edge, rng, i % 2 == 0), rng.choice(weeks)) for i in range(TRIES)]
+    scored = sorted((cost(each), each) for each in tried)[:BEST]
+    return min(_refined(each, score, cost, weeks, rng) for score, each in scored)[1]
 
 
 def difference(one: EarthField, other: EarthField) -> float:
@@ -64,37 +89,51 @@ def random_place(origin: Coordinates, seed: int) -> Coordinates:
     rng = random.Random(seed)
     while True:
         place = Coordinates(rng.uniform(-65.0, 65.0), rng.uniform(-180.0, 180.0))
-        if _is_elsewhere(origin, place):
+        north_deg = abs(place.latitude_deg - origin.latitude_deg)
+        if north_deg >= MIN_BAND_DEG[0] and _apart_m(origin, place) >= FAR_M[0]:
             return place
 
 
-def _within_band(origin: Coordinates, rng: random.Random) -> Coordinates:
-    latitude = origin.latitude_deg + rng.uniform(-BAND_DEG, BAND_DEG)
-    return Coordinates(max(min(latitude, 89.0), -89.0), rng.uniform(-180.0, 180.0))
+def _drawn(edge: _Edge, rng: random.Random, is_near: bool) -> Coordinates:
+    """A place on a ring about the old one, or anywhere in its band of latitude."""
+    origin = edge.origin
+    if not is_near:
+        latitude = origin.latitude_deg + rng.uniform(-BAND_DEG, BAND_DEG)
+        return Coordinates(max(min(latitude, 89.0), -89.0), rng.uniform(-180.0, 180.0))
+    away_deg = math.degrees(edge.far_m / EARTH_RADIUS_M) * rng.uniform(1.0, 2.0)
+    course = rng.uniform(0.0, math.tau)
+    latitude = max(min(origin.latitude_deg + away_deg * math.cos(course), 89.0), -89.0)
+    east_deg = away_deg * math.sin(course) / math.cos(math.radians(origin.latitude_deg))
+    return Coordinates(latitude, math.remainder(origin.longitude_deg + east_deg, 360.0))
 
 
-def _is_elsewhere(origin: Coordinates, place: Coordinates) -> bool:
+def _apart_m(origin: Coordinates, place: Coordinates) -> float:
     apart_deg = math.remainder(place.longitude_deg - origin.longitude_deg, 360.0)
     east_m = EARTH_RADIUS_M * math.radians(apart_deg) * math.cos(math.radians(origin.latitude_deg))
     north_deg = place.latitude_deg - origin.latitude_deg
-    far = math.hypot(east_m, EARTH_RADIUS_M * math.radians(north_deg)) >= FAR_M
-    return far and abs(north_deg) >= MIN_BAND_DEG
+    return math.hypot(east_m, EARTH_RADIUS_M * math.radians(north_deg))
 
 
 def _refined(
-    place: Coordinates, score: float, cost: object, rng: random.Random
-) -> tuple[float, Coordinates]:
-    """The place after steps that become smaller, each taken if it is better."""
-    assert callable(cost)
-    size_deg = 3.0
+    tried: Elsewhere,
+    score: float,
+    cost: Callable[[Elsewhere], float],
+    weeks: range,
+    rng: random.Random,
+) -> tuple[float, Elsewhere]:
+    """The place and date after steps that become smaller, each taken if it is better."""
+    size_deg, weeks_per_deg = 3.0, len(weeks) / 18.0
     for _ in range(STEPS):
-        step = Coordinates(
-            place.latitude_deg + rng.gauss(0.0, size_deg),
-            math.remainder(place.longitude_deg + rng.gauss(0.0, 2.0 * size_deg), 360.0),
+        (latitude, longitude), before = tried
+        place = Coordinates(
+            latitude + rng.gauss(0.0, size_deg),
+            math.remainder(longitude + rng.gauss(0.0, 2.0 * size_deg), 360.0),
         )
-        new = cost(step) if abs(step.latitude_deg) < 89.0 else math.inf
+        back = round(before + rng.gauss(0.0, weeks_per_deg * size_deg))
+        step = Elsewhere(place, max(min(back, weeks[-1]), weeks[0]))
+        new = cost(step) if abs(place.latitude_deg) < 89.0 else math.inf
         if new < score:
-            place, score = step, new
+            tried, score = step, new
         else:
             size_deg *= 0.93
-    return score, place
+    return score, tried

@@ -227,13 +227,25 @@ def test_texts():
 
 
 @pytest.mark.parametrize("place", [OLD, Coordinates(53.7, 9.8), Coordinates(0.5, 32.0)])
-def test_a_similar_place_has_the_same_field(place):
-    found = similar_place(place, 100.0, 1.7e9, 5)
-    fields = [earth_field_at(*each, 100.0, 1.7e9) for each in (place, found)]
+def test_a_similar_place_and_date_have_the_same_field(place):
+    found, weeks = similar_place(place, 1.7e9, range(1, 401), 5)
+    assert 1 <= weeks <= 400
+    fields = [
+        earth_field_at(*each, 0.0, 1.7e9 - back * WEEK_S)
+        for each, back in ((place, 0), (found, weeks))
+    ]
     assert difference(*fields) < 3.0
     assert abs(found.latitude_deg - place.latitude_deg) >= 0.3
     assert np.linalg.norm(metres(found, place)) > 100_000.0
-    assert similar_place(place, 100.0, 1.7e9, 6) != found
+    other, _ = similar_place(place, 1.7e9, range(1, 401), 6)
+    apart_m = [np.linalg.norm(metres(each, place)) for each in (found, other)]
+    assert abs(apart_m[0] - apart_m[1]) > 1_000.0  # how far away the place is tells nothing
+
+
+def test_a_place_for_a_date_that_stays_has_nearly_the_same_field():
+    found, weeks = similar_place(OLD, 1.7e9, range(1), 5)
+    assert weeks == 0
+    assert difference(*(earth_field_at(*each, 0.0, 1.7e9) for each in (OLD, found))) < 6.0
 
 
 def test_what_remains_is_told(tmp_path):
