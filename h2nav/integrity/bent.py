@@ -13,20 +13,23 @@ class BentAttitude:
 
     def __init__(self) -> None:
         self._decided_us: dict[Cause, int] = {}
-        self._corrected_us: int | None = None
+        self._bent_us: int | None = None
 
     def decide(self, cause: Cause, t_us: int) -> None:
         """Takes a decision."""
         self._decided_us[cause] = t_us
 
-    def correct(self, t_us: int) -> None:
-        """Takes that a sensor was corrected, decided or not: it now fits the velocity."""
-        self._corrected_us = t_us
+    def bend(self, t_us: int) -> None:
+        """Takes that a sensor is wrong, or fits the velocity by a correction, decided or not.
+
+        It excuses no other sensor.
+        """
+        self._bent_us = t_us
 
     def is_bent(self, t_us: int) -> bool:
         """Whether by a sensor of ours."""
         times_us = [self._decided_us.get(cause) for cause in OWN_SENSORS]
-        return any(_is_recent(then_us, t_us) for then_us in (*times_us, self._corrected_us))
+        return any(_is_recent(then_us, t_us) for then_us in (*times_us, self._bent_us))
 
     def is_shaken(self, t_us: int) -> bool:
         """Whether by vibration."""

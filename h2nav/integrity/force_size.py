@@ -31,6 +31,8 @@ MAX_TURN_RAD = 1.0
 # Zero-g offsets of data sheets: 60 mg. A difference has to exceed it, and what is usual.
 MIN_EXCESS_M_S2 = 0.06 * GRAVITY_M_S2
 USUAL = 5.0
+# The vertical force differs by as much, within this share.
+AGREES = 0.5
 # The difference by an altitude that begins to drift falls before it could be believed.
 LASTS = 0.9
 # What is usual is known from so many rows, and forgotten after these.
@@ -113,7 +115,7 @@ class ForceSize:
 
     def begin(self) -> None:
         """Learns anew what is usual: the vehicle moves, or shakes, otherwise than before."""
-        self._size, self._up, self._shaken = _Usual(), _Usual(), _Usual()
+        self._size, self._shaken = _Usual(), _Usual()
         self._axis = _Usual(), _Usual(), _Usual()
         # of the latest rows, in which a fault may have begun, with the vibration
         self._latest: deque[tuple[_Excess, float]] = deque()
@@ -149,13 +151,15 @@ class ForceSize:
         if excess is None:
             return
         self._seen_us = moment.t_us
-        size, up = excess.size_m_s2 - self._size.mean, excess.up_m_s2 - self._up.mean
+        # An attitude that is right makes both the same.
+        size, up = excess.size_m_s2 - self._size.mean, excess.up_m_s2 - self._size.mean
         least = min(abs(size), abs(up)) if size * up > 0.0 else 0.0
+        agrees = abs(up - size) < AGREES * abs(size)
         self.latest_m_s2 = math.copysign(least, size)
         if self.found is not None:
             self._review(least)
             return
-        is_beyond = least > 0.0 and abs(size) > self._size.limit and abs(up) > self._up.limit
+        is_beyond = agrees and abs(size) > self._size.limit
         is_known = self._size.count >= MIN_USUAL and self._has_usual_axis(excess)
         if not (is_beyond and is_known and may_judge):
             self._beyond = 0
@@ -181,7 +185,6 @@ class ForceSize:
             return
         excess, vibration_m_s2 = self._latest.popleft()
         self._size.learn(excess.size_m_s2)
-        self._up.learn(excess.up_m_s2)
         self._shaken.learn(vibration_m_s2 * vibration_m_s2)
         for usual, part in zip(self._axis, excess.axis_b, strict=True):
             usual.learn(part)

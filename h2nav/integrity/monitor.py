@@ -351,7 +351,7 @@ class Monitor:
         """Compares the size of the force with the receiver's acceleration."""
         moment, is_known = mark.moment, self.force_error is not None
         if is_known and not self._force_was_wrong:
-            self._bent.decide(Cause.ACCELEROMETER, moment.t_us)
+            self._bent.bend(moment.t_us)
         self._force_was_wrong = is_known
         gyro_is_doubted = self.ratios.of_turn > OPEN_RATIO
         gyro_is_doubted |= self._bent.excuses(Cause.ACCELEROMETER, moment.t_us)
@@ -526,7 +526,7 @@ class Monitor:
         correction = advanced(found.correction, known.moment, now)
         since_us = self._contradicted_us or t_us
         self._corrected.take(cause, found, correction, rows.rows[0], since_us)
-        self._bent.correct(t_us)
+        self._bent.bend(t_us)
         self.restart()
         self._tilt_rad = correction.tilt_sigma_rad
         self._heading_rad = correction.heading_sigma_rad

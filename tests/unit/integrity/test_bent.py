@@ -5,13 +5,19 @@ from h2nav.integrity.causes import Cause
 
 
 def test_an_attitude_is_bent_for_a_minute_after_a_decision_or_a_correction():
-    for learn in (lambda bent: bent.decide(Cause.GYRO, 10), lambda bent: bent.correct(10)):
+    for learn in (lambda bent: bent.decide(Cause.GYRO, 10), lambda bent: bent.bend(10)):
         bent = BentAttitude()
         assert not bent.is_bent(10)
         learn(bent)
         assert bent.is_bent(9 + BENT_US)
         assert not bent.is_bent(10 + BENT_US)
         assert not bent.is_shaken(11)
+
+
+def test_a_sensor_that_is_wrong_without_a_decision_excuses_none():
+    bent = BentAttitude()
+    bent.bend(1_000_000)
+    assert not bent.excuses(Cause.GYRO, 2_000_000)
 
 
 def test_vibration_bends_nothing():

@@ -11,6 +11,7 @@ from h2nav.maths.units import GRAVITY_M_S2
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 INVERTED = (0.0, 1.0, 0.0, 0.0)
+LEANING = (0.5, 0.0, math.sqrt(0.75), 0.0)  # by 120 deg
 BEGUN_S, ENDED_S = 40.0, 60.0
 STEP_S = 0.2
 
@@ -34,6 +35,7 @@ def flown(
     altitude_error=lambda t_s: 0.0,
     north=lambda t_s: 0.0,
     q_sb=lambda t_s: UPRIGHT,
+    q_ns=lambda t_s: UPRIGHT,
     turn_rad_s=0.1,
     vibration=lambda t_s: 3.0,
     may_judge=True,
@@ -47,6 +49,7 @@ def flown(
         altitude_error: of the receiver, m.
         north: velocity that the receiver adds, m/s.
         q_sb: attitude of the body.
+        q_ns: attitude by the filter.
         turn_rad_s: that the gyro shows.
         vibration: rms, m/s^2.
     """
@@ -64,7 +67,7 @@ def flown(
         moment = Moment(
             round(1e6 * t_s),
             (0.0, 0.0, down),
-            UPRIGHT,
+            q_ns(t_s),
             0.01,
             0.02,
             turn_rad_s * t_s,
@@ -144,6 +147,18 @@ def test_the_vibration_of_a_wrong_scale_grows_with_it():
 def test_a_zero_that_was_always_wrong_turns_with_the_body():
     seen = flown(zero=lambda t_s: 0.4, q_sb=lambda t_s: INVERTED if fails(t_s) else UPRIGHT)
     assert seen.error is None
+
+
+def test_an_attitude_that_was_lost_before_hides_nothing():
+    """Whatever it made of the vertical force then: the size of the force knows no attitude."""
+
+    def q_ns(t_s):
+        return LEANING if t_s < BEGUN_S - 10.0 and round(t_s) % 2 else UPRIGHT
+
+    seen = flown(scale=lambda t_s: 1.1 if fails(t_s) else 1.0, q_ns=q_ns)
+    assert seen.begun_s < BEGUN_S + 9.0
+    lost = flown(scale=lambda t_s: 1.2 if fails(t_s) else 1.0, q_ns=lambda t_s: LEANING)
+    assert lost.error is None
 
 
 def test_while_the_gyro_turns_fast_nothing_is_known():
