@@ -215,11 +215,16 @@ class _Formats:
     def _size(self, name: str, depth: int) -> int | None:
         total = 0
         for field in self._fields.get(name, ()):
-            size = self.size(field.kind, depth + 1)
+            size = self._inner_size(field.kind, depth + 1)
             if size is None:
                 return None
             total += size * (1 if field.length is None else field.length)
         return total if 0 < total <= LARGEST_ROW else None
+
+    def _inner_size(self, name: str, depth: int = 0) -> int | None:
+        """Size within another row: the padding at its end is written there."""
+        size = self.size(name, depth)
+        return None if size is None else size + self._padding.get(name, 0)
 
     def row(self, name: str) -> np.dtype[np.void] | None:
         """A data message with its header; None if the format has too many columns."""
@@ -249,7 +254,7 @@ class _Formats:
     ) -> bool:
         """Adds the columns of a topic; returns False as soon as there are too many."""
         for field in self._fields[name]:
-            size = self.size(field.kind) or 0
+            size = self._inner_size(field.kind) or 0
             if field.kind == "char" and field.length:
                 columns.append((prefix + field.name, f"S{field.length}", offset))
                 offset += field.length

@@ -26,6 +26,9 @@ def read(tmp_path: Path, data: bytes) -> ULogFile:
     return read_ulog(path)
 
 
+PART = (("t", "<u8"), ("v", "u1"), ("_", "V7"))
+
+
 def writer(rows: int = 60) -> ULogWriter:
     made = ULogWriter()
     t_us = START_US + np.arange(rows, dtype=np.int64) * 1000
@@ -218,3 +221,24 @@ def test_what_is_no_file_of_this_kind_is_bad_input(tmp_path: Path, data: bytes) 
 def test_a_file_is_known_by_its_content() -> None:
     assert is_ulog(writer(1).bytes()[:64])
     assert not is_ulog(b"ulog")
+
+
+def test_the_padding_of_a_row_within_another_is_there(tmp_path: Path):
+    """PX4 leaves it out at the end of a message only: `esc_status` was not read."""
+    made, count = ULogWriter(), 40
+    t_us = START_US + np.arange(count, dtype=np.int64) * 1000
+    made.define("part", "uint64_t timestamp;uint8_t v;uint8_t[7] _padding0")
+    made.define("whole", "uint64_t timestamp;part[2] of")
+    made.subscribe("whole", 7, 0)
+    row = [("size", "<u2"), ("type", "u1"), ("id", "<u2"), ("timestamp", "<u8")]
+    row += [(f"{name}{i}", kind) for i in (0, 1) for name, kind in PART]
+    rows = np.zeros(count, row)
+    rows["size"], rows["type"], rows["id"] = rows.dtype.itemsize - 3, ord("D"), 7
+    rows["timestamp"], rows["v0"], rows["v1"] = t_us, np.arange(count), 5
+    made._records.add(t_us, rows)
+    path = tmp_path / "x.ulg"
+    path.write_bytes(made.bytes())
+    table = read_ulog(path).tables.find("whole/0")
+    assert table is not None
+    np.testing.assert_array_equal(table.numbers("of[0].v"), np.arange(count))
+    assert set(table.numbers("of[1].v")) == {5.0}
