@@ -131,13 +131,20 @@ def names(told: Told, fault: Fault) -> bool:
 
 
 def overlaps(told: Told, fault: Fault) -> bool:
-    """Whether a finding begins while a fault acts, or soon after it."""
-    end_s = fault.start_s + fault.length_s + RECOVERY_S
-    return (
-        fault.start_s - GRACE_S <= told.finding.from_s
-        and told.told_s >= fault.start_s
-        and (told.finding.from_s <= end_s)
-    )
+    """Whether a finding begins while a fault acts, or soon after it.
+
+    One that is told while it acts and names what it breaks is of the fault, from whenever it dates
+    the difference: another one may have gone over into it.
+    """
+    over_s, from_s = fault.start_s + fault.length_s, told.finding.from_s
+    begins = fault.start_s - GRACE_S <= from_s <= over_s + RECOVERY_S
+    is_named = told.told_s <= over_s and names(told, fault)
+    return told.told_s >= fault.start_s and (begins or is_named)
+
+
+def can_be_told(fault: Fault, length_s: float) -> bool:
+    """Whether a flight goes on for long enough after the beginning of a fault."""
+    return fault.start_s + PROMPT_S <= length_s
 
 
 class Accused(NamedTuple):

@@ -61,7 +61,11 @@ def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
         **_honesty(t_s, heading, tilt, rows, calm),
         "calm_h": float(calm.sum()) / HOUR_S,
         **_false(every, flight, sensors, lambda a, b: any(_within(w, a, b) for w in wrong)),
-        "faults": [blame.fault_row(one, every, draw.scheduled) for one in draw.scheduled],
+        "faults": [
+            blame.fault_row(one, every, draw.scheduled)
+            for one in draw.scheduled
+            if blame.can_be_told(one, draw.length_s)
+        ],
     }
 
 

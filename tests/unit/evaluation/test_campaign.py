@@ -10,7 +10,7 @@ from needs import DEG, REPOSITORY
 
 from h2nav.errors import BadInput
 from h2nav.evaluation.campaign import blame
-from h2nav.evaluation.campaign.blame import Told, false_reports, fault_row
+from h2nav.evaluation.campaign.blame import Told, can_be_told, false_reports, fault_row
 from h2nav.evaluation.campaign.distribution import read_distribution
 from h2nav.evaluation.campaign.draw import (
     FORMS,
@@ -363,6 +363,23 @@ def test_a_report_that_another_fault_explains_is_not_held_against_this_one():
     for fault in (gyro, lost):
         row = fault_row(fault, every, (gyro, lost))
         assert (row["outcome"], row["accused"]) == ("right", [])
+
+
+def test_a_difference_that_is_dated_from_before_its_fault_is_still_of_it():
+    """A heading was off by steel on the ground when the autopilot's became wrong."""
+    fault = parse_fault("autopilot-heading=45@100+60")
+    named = said(Kind.AUTOPILOT_HEADING, AUTOPILOT, 80.0, 130.0, backs_us=True)
+    assert fault_row(fault, [named], (fault,))["outcome"] == "late"
+    flight = ideal(faults=("autopilot-heading=45@100+60",))
+    over = named._replace(told_s=161.0)
+    for told, accusations in ((named, 0), (over, 1)):
+        found = false_reports([told], flight, shown(flight), lambda *_: False)
+        assert len(found.accusations) == accusations
+
+
+@pytest.mark.parametrize(("start_s", "can"), [(50.0, True), (290.0, True), (291.0, False)])
+def test_a_fault_at_the_end_of_a_flight_is_not_held_against_anybody(start_s, can):
+    assert can_be_told(parse_fault(f"gyro-frozen@{start_s}+20/1"), 300.0) is can
 
 
 def test_a_sound_part_that_is_named_is_a_false_accusation_and_a_disturbed_one_is_not():
