@@ -41,7 +41,7 @@ class BentAttitude:
         Args:
             begun_us: beginning of the window: its attitude is the filter's of that time.
         """
-        if cause not in OWN_SENSORS:
+        if not self._decided_us or cause not in OWN_SENSORS:
             return False
         others = (self._decided_us.get(one) for one in OWN_SENSORS if one is not cause)
         return any(

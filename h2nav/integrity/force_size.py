@@ -130,6 +130,10 @@ class ForceSize:
         """For how long it has been wrong."""
         return 1e-6 * (t_us - self._since_us)
 
+    def is_due(self, t_us: int) -> bool:
+        """Whether a fix at this time begins a row; others change nothing."""
+        return not self._points or t_us - self._points[-1].moment.t_us >= ROW_US
+
     def take(
         self,
         moment: Moment,
@@ -198,14 +202,10 @@ class ForceSize:
     def _renew(self, point: _Point) -> _Excess | None:
         """Adds a row; the excess of the window that ends now, if it is full."""
         points, now_us = self._points, point.moment.t_us
-        if math.isnan(point.altitude_m):
+        if math.isnan(point.altitude_m) or not self.is_due(now_us):
             return None
-        if points:
-            apart_us = now_us - points[-1].moment.t_us
-            if apart_us < ROW_US:
-                return None
-            if apart_us > STALE_US:
-                points.clear()
+        if points and now_us - points[-1].moment.t_us > STALE_US:
+            points.clear()
         points.append(point)
         begun_us = now_us - 2 * HALF_US + ROW_US // 3
         while len(points) > 2 and points[1].moment.t_us <= begun_us:

@@ -168,6 +168,7 @@ class Monitor:
         self._velocity = VelocityWindows(self._strapdown)
         self._field = FieldWindows(self._watch, self._strapdown)
         self._force_size, self._force_was_wrong = ForceSize(), False
+        self.force_is_off = False  # by its size; others may show the same, see `force_error`
         self._other_excesses: Collection[float] = ()
         self._vehicle = VehicleState()
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
@@ -349,7 +350,10 @@ class Monitor:
 
     def _see_force_size(self, mark: Mark, altitude_m: float) -> None:
         """Compares the size of the force with the receiver's acceleration."""
-        moment, is_known = mark.moment, self.force_error is not None
+        moment = mark.moment
+        if not self._force_size.is_due(moment.t_us):
+            return
+        is_known = self.force_is_off and self.force_error is not None
         if is_known and not self._force_was_wrong:
             self._bent.bend(moment.t_us)
         self._force_was_wrong = is_known
@@ -360,6 +364,7 @@ class Monitor:
         self._force_size.take(
             moment, mark.v_n, altitude_m, self.vibration_m_s2, may_judge=may_judge
         )
+        self.force_is_off = self._force_size.found is not None
 
     def _explain(self, t_us: int, errors: SensorErrors) -> SensorDoubt | None:
         """Searches the cause while velocities contradict; returns a doubt for the filter."""
@@ -777,11 +782,9 @@ class Monitor:
         if (tests["field"].is_raised or self._field_turns) and not self._is_bent(t_us):
             found.append(self._field_alarm(t_us))
         found += self._cause_alarms(t_us, {alarm.kind for alarm in found})
-        kinds = {alarm.kind for alarm in found}
-        if self.force_error is not None and Kind.ACCELEROMETER_BIAS_STEP not in kinds:
-            found.append(
-                force_size_alarm(self.force_error, self._imu, self._force_size.since_s(t_us))
-            )
+        error = self.force_error if self.force_is_off else None
+        if error is not None and all(a.kind is not Kind.ACCELEROMETER_BIAS_STEP for a in found):
+            found.append(force_size_alarm(error, self._imu, self._force_size.since_s(t_us)))
         return tuple(found)
 
     def _is_bent(self, t_us: int) -> bool:

@@ -481,6 +481,10 @@ class Estimation:
     def _vote(self) -> None:
         """Compares the sensors of all lanes."""
         lanes = {lane.imu: lane for lane in self._lanes if lane.newest is not None}
+        for imu, lane in lanes.items():
+            if lane.monitor.force_is_off:
+                others = [o.monitor.force_excess_m_s2 for i, o in lanes.items() if i != imu]
+                lane.monitor.use_other_excesses(others)
         frozen = {(part, imu) for imu, lane in lanes.items() for part in lane.frozen_parts()}
         if frozen or self._voting.has_doubts:
             suspicions = {imu: lane.suspicion for imu, lane in lanes.items()}
@@ -488,10 +492,6 @@ class Estimation:
                 lanes[imu].use_moved_zero(moved)
         for imu, lane in lanes.items():
             lane.use_votes(self._voting.verdict(imu))
-        excesses = {imu: lane.monitor.force_excess_m_s2 for imu, lane in lanes.items()}
-        for imu, lane in lanes.items():
-            others = [excess for other, excess in excesses.items() if other != imu]
-            lane.monitor.use_other_excesses(others)
 
     def _condition(self, t_ns: int, lane: Lane, sent: Lane) -> Condition:
         # VIBRATION does not name the IMU: the noise of the lanes shows which it is.

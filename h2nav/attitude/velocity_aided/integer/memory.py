@@ -264,8 +264,7 @@ class State(SharedFields):
         0,
         4,
         "",
-        "1: it agrees with its reference; 2: the heading is ready to be measured; 3: it was lost; "
-        "4: it contradicts the heading",
+        "1: agrees with its reference; 2: heading can be measured; 3: was lost; 4: contradicts it",
     )
     heading_reset: I32 = integer(
         0, 2, "", "0: a field has been accepted; 1: none yet; 2: the next gives the heading"
