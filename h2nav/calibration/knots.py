@@ -83,8 +83,8 @@ class Knots(NamedTuple):
         return found
 
     def _sums(self, shares: tuple[Array, Array], rows: Array) -> Array:
-        flat = rows.reshape(len(rows), -1)
-        size = flat.shape[1]
+        size = math.prod(rows.shape[1:])
+        flat = rows.reshape(len(rows), size)
         number = self.place[:, None] * size + np.arange(size)
         sums: Array = np.zeros(self.number * size)
         for share, place in zip(shares, (number, number + size), strict=True):

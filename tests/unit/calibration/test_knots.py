@@ -93,6 +93,12 @@ def test_a_part_of_the_rows_can_be_taken_away():
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+def test_a_part_without_rows_takes_nothing_away():
+    none = np.arange(0)
+    empty = normal(OWN[none], TURNED[none], KNOTS.part(none), WEIGHT[none], LEFT[none])
+    assert not any(np.any(each) for each in empty)
+
+
 def test_values_pull_back_to_what_is_known():
     _, known, _ = full()
     own, knots = RNG.normal(size=VALUES), RNG.normal(size=(KNOTS.number, KINDS))

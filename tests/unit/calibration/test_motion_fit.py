@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from h2nav.calibration.motion_fit import ARM, COUNT, LAG, OFFSET, SCALE, SIGMAS, fitted
+from h2nav.calibration.motion_fit import ARM, COUNT, LAG, OFFSET, PARTS, SCALE, SIGMAS, fitted
 from h2nav.calibration.motion_rows import Motion, combined
-from h2nav.calibration.regression import halves_of
+from h2nav.calibration.regression import halves_of, part_of
 from tests.unit.calibration.motions import flown_windows, random_truth
 
 ALL = np.ones(COUNT, dtype=bool)
@@ -48,6 +48,15 @@ def test_a_jammed_receiver_for_a_tenth_of_the_flight_changes_nothing():
     fit = fitted(rows._replace(apart=wild), ALL)
     assert np.abs((fit.values - truth) / fit.sigma).max() < 3.5
     assert np.median(fit.weight[jammed]) < 0.1
+
+
+def test_fewer_windows_than_parts_are_fitted():
+    """A bench has a few; then a part has none."""
+    rng = np.random.default_rng(9)
+    rows = part_of(flown_windows(rng, random_truth(rng)), np.arange(PARTS - 4))
+    fit = fitted(rows, ALL)
+    assert np.isfinite(fit.values).all()
+    assert (fit.lasting > 0.0).all()
 
 
 def test_what_only_one_moment_shows_lasts_not():
