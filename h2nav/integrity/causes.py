@@ -78,9 +78,9 @@ MIN_SHARE = 1.0 / 9.0
 # A sensor that fails while that of another IMU shows the same: in one of so many cases both fail
 # alike. Zeros of sound accelerometers move alike by temperature (1 mg/K) and supply, by less than
 # 0.1 m/s^2 in a window; two that fail by 0.6 m/s^2 each are as near to each other in one of 36
-# cases, three in one of 1,300. What moves the gyros of one board alike, by temperature and shocks,
+# cases (three in one of 1,300). What moves the gyros of one board alike, by temperature and shocks,
 # is as large as the usual size of a failure: that they agree says nothing of their bias.
-FAIL_ALIKE = 100.0
+FAIL_ALIKE = 36.0
 # A heading turns an acceleration and keeps its size, within this share.
 SAME_SIZE = 0.2
 # A vehicle's acceleration has the tails of Student's distribution of so many degrees of freedom;
