@@ -130,6 +130,10 @@ class ForceSize:
         """For how long it has been wrong."""
         return 1e-6 * (t_us - self._since_us)
 
+    def is_stale(self, t_us: int) -> bool:
+        """Whether nothing has shown for long what was found."""
+        return self.found is not None and t_us - self._seen_us > 10 * STALE_US
+
     def is_due(self, t_us: int) -> bool:
         """Whether a fix at this time begins a row; others change nothing."""
         return not self._points or t_us - self._points[-1].moment.t_us >= ROW_US
@@ -150,7 +154,7 @@ class ForceSize:
             may_judge: nothing else is known to be wrong.
         """
         excess = self._renew(_Point(moment, v_n, altitude_m, vibration_m_s2))
-        if self.found is not None and moment.t_us - self._seen_us > 10 * STALE_US:
+        if self.is_stale(moment.t_us):
             self.found = None
         if excess is None:
             return

@@ -238,10 +238,11 @@ class Monitor:
     def force_error(self) -> ForceError | None:
         """What the size of the force shows the accelerometer to be off by; None if nothing.
 
-        If that of another IMU is off by as much, the receiver's altitude is false.
+        If that of another IMU is off by as much, the receiver's altitude is false. Without a
+        receiver nothing shows any more whether it still is.
         """
         found = self._force_size.found
-        if found is None or self.sensor_is_bad:
+        if found is None or self.sensor_is_bad or self._force_size.is_stale(self._sample_us):
             return None
         alike_m_s2 = 0.5 * GRAVITY_M_S2 * found.share
         is_shared = any(other / alike_m_s2 > 1.0 for other in self._other_excesses)

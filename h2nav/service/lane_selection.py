@@ -22,7 +22,7 @@ FIELD_LASTING_NS = 2_000_000_000
 NOISE_LASTING_NS = 1_000_000_000
 GOOD_FIELD = 0.5
 # A test ratio below this says no more than this.
-GOOD = 0.5
+GOOD_RATIO = 0.5
 
 
 class SwitchCause(Enum):
@@ -126,7 +126,7 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause |
 
 def _rank(lane: Condition) -> tuple[float, float]:
     """How much speaks against a lane: first its tests, then its deviation."""
-    return max(lane.ratio, GOOD), lane.sigma_rad
+    return max(lane.ratio, GOOD_RATIO), lane.sigma_rad
 
 
 def _sees_north(lane: Condition) -> bool:

@@ -42,7 +42,7 @@ def climbed(drive):
     return [-height for height in itertools.accumulate(0.01 * down for _, _, down in drive.v_n)]
 
 
-def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True, altitudes=None):
+def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True, altitudes=None, gps_until_s=math.inf):
     """(time, use, estimate or None, monitor) of each sample.
 
     Args:
@@ -57,7 +57,7 @@ def flown(drive, velocity_at=lambda t_s, v_n: v_n, gps=True, altitudes=None):
     monitor.use_field(FIELD)
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
-        if gps and i % PERIOD == 0:
+        if gps and i % PERIOD == 0 and t_s < gps_until_s:
             fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
             if altitudes is not None:
                 fix = fix._replace(altitude_m=altitudes[i])
@@ -406,6 +406,18 @@ def test_a_force_that_became_too_large_for_velocity_and_altitude_is_its_scale(
             texts |= {alarm.text for alarm in monitor.alarms(round(1e6 * t_s))}
     assert ("accelerometer's scale is off by 20%" in texts) == is_told
     assert monitor.may_be_bent or not is_told
+
+
+def test_without_a_receiver_a_force_is_not_called_wrong_for_ever():
+    lost_s = FAULT_S + 12.0
+    drive = with_samples(with_noise(accelerating(lost_s + 40.0, 3), 0.1, 3), too_large)
+    told = [
+        t_s
+        for t_s, _, _, monitor in flown(drive, altitudes=climbed(drive), gps_until_s=lost_s)
+        if monitor.force_error is not None
+    ]
+    assert min(told) < lost_s
+    assert max(told) < lost_s + 31.0
 
 
 @pytest.mark.parametrize(
