@@ -1,6 +1,5 @@
 """The layouts of the viewers name what a log holds, and Rerun draws what we convert for it."""
 
-import importlib.util
 import json
 import re
 import subprocess
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from needs import REPOSITORY, need_package
+from needs import REPOSITORY, need_package, tool
 
 from h2nav.log.schema import record_format
 from h2nav.service.records import FINDING_TOPIC, FindingRecord
@@ -53,16 +52,8 @@ def fields(schema: bytes) -> dict[str, str]:
     return {name: value["type"] for name, value in json.loads(schema)["properties"].items()}
 
 
-def tool():
-    """tools/layouts.py."""
-    spec = importlib.util.spec_from_file_location("layouts", REPOSITORY / "tools" / "layouts.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_the_layouts_are_those_of_the_tool():
-    files = tool().FILES
+    files = tool("layouts").FILES
     assert {path.name for path in LAYOUTS.iterdir()} == set(files)
     for name, write in files.items():
         assert (LAYOUTS / name).read_text(encoding="utf-8") == write(), "python tools/layouts.py"
@@ -147,6 +138,6 @@ def test_rerun_reads_what_is_converted_for_it(log, tmp_path):
         match[2]: int(match[1])
         for match in re.finditer(r"with (\d+) rows .* - (\S+) - data columns:.*Scalars", told)
     }
-    plots = [plot for _, group in tool().TABS for plot in group]
+    plots = [plot for _, group in tool("layouts").TABS for plot in group]
     assert set(drawn) == {f"{plot.topic}/{field}" for plot in plots for field in plot.fields}
     assert drawn["/estimate/roll_deg"] > 3000

@@ -1,21 +1,14 @@
 """tools/benchmark/score.py, on made reviews: shares, intervals, what counts and what not."""
 
-import importlib.util
 import json
-import sys
 
 import pytest
-from needs import REPOSITORY
+from needs import tool
 
 
 @pytest.fixture
-def score(monkeypatch):
-    path = REPOSITORY / "tools" / "benchmark" / "score.py"
-    monkeypatch.setattr(sys, "path", [str(REPOSITORY / "tools"), *sys.path])
-    spec = importlib.util.spec_from_file_location("benchmark_score", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def score():
+    return tool("benchmark/score")
 
 
 def finding(kind, from_s, to_s=None, severity="warning", cause=None, source="IMU 1"):

@@ -1,11 +1,8 @@
 """tools/integrity_table.py: its faults exist, and its figures are those of a fault's own time."""
 
-import importlib.util
-import sys
-
+import needs
 import numpy as np
 import pytest
-from needs import REPOSITORY
 
 from h2nav.evaluation.flights.tracks import ErrorTrack
 from h2nav.integrity.findings import Severity
@@ -15,11 +12,7 @@ from h2nav.sim.scenarios import SCENARIOS
 
 @pytest.fixture(scope="module")
 def tool():
-    path = REPOSITORY / "tools" / "integrity_table.py"
-    spec = importlib.util.spec_from_file_location("integrity_table", path)
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return needs.tool("integrity_table")
 
 
 def test_every_case_is_a_fault_of_a_flight(tool):

@@ -1,42 +1,33 @@
 """What tools make of the kernels' declarations is in the repository as they make it."""
 
-import importlib.util
 import json
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
-from needs import REPOSITORY
+from needs import REPOSITORY, tool
 
 from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.attitude.kernel_files import COMPILED, sources
 from h2nav.files.plain_yaml import read_mapping
 
 
-def tool_of(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, REPOSITORY / "tools" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    return tool
-
-
 def test_the_page_of_the_memory_is_that_of_the_records() -> None:
-    tool = tool_of("memory_tables")
-    assert tool.PAGE.read_text(encoding="utf-8") == tool.page(), "run python tools/memory_tables.py"
+    tables = tool("memory_tables")
+    assert tables.PAGE.read_text(encoding="utf-8") == tables.page(), (
+        "run python tools/memory_tables.py"
+    )
 
 
 def test_what_follows_from_the_parameters_is_that_of_their_rows() -> None:
-    tool = tool_of("parameter_tables")
-    text = tool.PAGE.read_text(encoding="utf-8")
-    assert text == tool.page(text), "run python tools/parameter_tables.py"
-    assert tool.SCHEMA.read_text(encoding="utf-8") == tool.schema()
-    assert tool.FIELDS.read_text(encoding="utf-8") == tool.fields_module()
+    tables = tool("parameter_tables")
+    text = tables.PAGE.read_text(encoding="utf-8")
+    assert text == tables.page(text), "run python tools/parameter_tables.py"
+    assert tables.SCHEMA.read_text(encoding="utf-8") == tables.schema()
+    assert tables.FIELDS.read_text(encoding="utf-8") == tables.fields_module()
 
 
 def test_a_misspelt_gain_is_an_error_to_the_type_checker(tmp_path: Path) -> None:

@@ -1,14 +1,13 @@
 """tools/real_flights.py: made recordings with known events are reviewed, and scored by rules."""
 
 import csv
-import importlib.util
 import json
 import sys
 
+import needs
 import numpy as np
 import pytest
 from made_logs import DataflashWriter, dataflash, made_flight
-from needs import REPOSITORY
 
 FIELDS = ("file", "event", "t_s", "about")
 LABELS = ("file", "kind", "source", "severity", "from_s", "to_s", "verdict", "reason")
@@ -17,12 +16,7 @@ CRASH_S = 30.0
 
 @pytest.fixture(scope="module")
 def tool():
-    spec = importlib.util.spec_from_file_location(
-        "real_flights", REPOSITORY / "tools" / "real_flights.py"
-    )
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return needs.tool("real_flights")
 
 
 def crashed():

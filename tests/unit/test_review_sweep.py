@@ -1,8 +1,6 @@
 """tools/review_sweep.py: faults do what they are named for, and what is told of them is judged."""
 
-import importlib.util
-import sys
-
+import needs
 import numpy as np
 import pytest
 from needs import REPOSITORY
@@ -18,12 +16,7 @@ TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 
 @pytest.fixture(scope="module")
 def tool():
-    sys.path.insert(0, str(TOOLS))
-    spec = importlib.util.spec_from_file_location("review_sweep", TOOLS / "review_sweep.py")
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    yield module
-    sys.path.remove(str(TOOLS))
+    return needs.tool("review_sweep")
 
 
 @pytest.fixture

@@ -1,11 +1,10 @@
 """What the subjects declare is complete, and shown by pictures that exist."""
 
-import importlib.util
 import re
 
 import pytest
 from made_flight import made_analysis, made_flight, page_of
-from needs import REPOSITORY
+from needs import tool
 from reviewed_flights import flight
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
@@ -42,13 +41,9 @@ def test_every_kind_leads_to_pictures_that_are_in_the_page():
 
 
 def test_the_documents_table_is_made_of_the_declarations():
-    spec = importlib.util.spec_from_file_location(
-        "finding_tables", REPOSITORY / "tools" / "finding_tables.py"
-    )
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    text = tool.PAGE.read_text(encoding="utf-8")
-    assert text == tool.page(text), "run python tools/finding_tables.py"
+    tables = tool("finding_tables")
+    text = tables.PAGE.read_text(encoding="utf-8")
+    assert text == tables.page(text), "run python tools/finding_tables.py"
 
 
 def test_a_kind_of_a_flight_is_known_by_its_name_like_any_other():

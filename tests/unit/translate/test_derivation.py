@@ -1,13 +1,11 @@
 """What is derived from the float kernel: as near to it as is claimed, refused where it must be."""
 
-import importlib.util
 import random
 from collections.abc import Mapping
-from types import ModuleType
 from typing import Any
 
 import pytest
-from needs import REPOSITORY
+from needs import tool
 
 from h2nav.attitude.record import Grid, grids_of, rows
 from h2nav.attitude.velocity_aided import memory as floats
@@ -25,22 +23,13 @@ ROUNDS = 300
 FLOAT_MODULES = (prediction, theta, aiding, velocity, heading)
 
 
-def tool() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("derive", REPOSITORY / "tools" / "derive.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def found() -> list[Derived]:
-    return list(tool().found())
+    return list(tool("derive").found())
 
 
 def test_module_and_page_are_those_of_the_float_kernel(found: list[Derived]) -> None:
-    made = tool()
+    made = tool("derive")
     assert made.MODULE.read_text(encoding="utf-8") == made.module(found), "run tools/derive.py"
     assert made.FIELDS.read_text(encoding="utf-8") == made.shared_fields()
     text = made.PAGE.read_text(encoding="utf-8")
