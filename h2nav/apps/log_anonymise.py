@@ -3,7 +3,6 @@
 import argparse
 import secrets
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -133,6 +132,7 @@ def _facts(kind: str, path: Path) -> "tuple[list[Coordinates], float | None]":
 def _target(
     args: argparse.Namespace, origin: "Coordinates | None", unix_s: float | None
 ) -> "Elsewhere":
+    from h2nav.files.earth_field import UNDATED_UNIX_S
     from h2nav.recordings.anonymous import Coordinates
     from h2nav.recordings.anonymous_place import Elsewhere, random_place, similar_place
 
@@ -145,8 +145,8 @@ def _target(
     seed = secrets.randbits(64)
     if args.far:
         return Elsewhere(random_place(origin, seed), weeks)
-    if unix_s is None:  # its review takes the present date
-        return similar_place(origin, time.time(), range(1), seed)
+    if unix_s is None:  # its review takes this date
+        return similar_place(origin, UNDATED_UNIX_S, range(1), seed)
     return similar_place(origin, unix_s, allowed, seed)
 
 

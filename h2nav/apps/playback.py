@@ -3,7 +3,6 @@
 import argparse
 import dataclasses
 import sys
-import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ from h2nav.apps.log_contents import RecordedInputs, inputs_of
 from h2nav.apps.pipeline import Observer, Outlets, Pipeline, PlayedFrames, Watcher
 from h2nav.attitude.gains.envelope import VEHICLE_CLASSES
 from h2nav.errors import BadInput
-from h2nav.files.earth_field import earth_field_at
+from h2nav.files.earth_field import UNDATED_UNIX_S, earth_field_at
 from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.imported import ImportedLog
 from h2nav.recordings.imu_frames import ImuFrames
@@ -115,10 +114,10 @@ def inputs_for(recording: Source, options: PlaybackOptions) -> Inputs:
 
 
 def date_of(recording: Source, recorded: RecordedInputs | None) -> float:
-    """The initial date, UNIX seconds; today's where the recording has none."""
+    """The initial date, UNIX seconds; where the recording has none, that of the field's model."""
     if recorded is not None:
         return recorded.unix_s
-    return recording.unix_start_ns * 1e-9 or time.time()
+    return recording.unix_start_ns * 1e-9 or UNDATED_UNIX_S
 
 
 def _changed(chosen: Configuration, options: PlaybackOptions) -> Configuration:

@@ -8,6 +8,9 @@ from h2nav.attitude.samples import EarthField
 NT_PER_UT = 1000.0
 # The years of pygeomag's coefficient files.
 MODELS_FROM, MODELS_UNTIL = 2010.0, 2029.99
+# The epoch of the newest of them, 2025, is that of a recording without a date: what is found in it
+# must not depend on the day on which it is looked at.
+UNDATED_UNIX_S = 1_735_689_600.0
 EARLIEST_UNIX_S, LATEST_UNIX_S = 0.0, 4_102_444_800.0  # 1970 and 2100
 # Where the horizontal field nearly vanishes the model has no declination.
 SMALLEST_HORIZONTAL_UT = 2.0

@@ -5,16 +5,20 @@ import os
 import webbrowser
 from pathlib import Path
 
+import numpy as np
 import pytest
+from made_logs import DataflashWriter
 from replayed import Replayed, rewritten
 
 from h2nav.apps import reviewing
 from h2nav.apps.configuration import Configuration
-from h2nav.apps.playback import PlaybackOptions
+from h2nav.apps.playback import PlaybackOptions, inputs_for
 from h2nav.apps.review import SOMETHING_SERIOUS, page_names
 from h2nav.attitude.samples import Trust
 from h2nav.cli import BAD_INPUT, SUCCESS, main
+from h2nav.files.earth_field import UNDATED_UNIX_S
 from h2nav.recordings.opening import open_flight
+from h2nav.recordings.receiver_tables import GPS_EPOCH_UNIX_S, WEEK_S
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +59,22 @@ def test_what_held_the_attitude_is_told_as_the_estimates_say_it(flight):
     assert any(used.values())
     assert {name: any(span.name == name for span in held) for name in used} == used
     assert all(0.0 <= span.from_s <= span.to_s <= 12.1 for span in held)
+
+
+def test_a_log_without_a_date_is_looked_at_in_the_same_field_on_every_day(tmp_path):
+    log = tmp_path / "undated.bin"
+    dated, undated = DataflashWriter(), DataflashWriter()
+    t_us = np.arange(1_000_000, 3_000_000, 20_000)
+    for writer in (dated, undated):
+        columns = "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"
+        writer.add("IMU", "Qffffff", columns, t_us, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
+    dated.add("GPS", "QBIHLL", "TimeUS,Status,GMS,GWk,Lat,Lng", t_us, 3, 1000, 2200, 47.0, 8.0)
+    dates_s = []
+    for writer in (dated, undated):
+        log.write_bytes(writer.bytes())
+        dates_s.append(inputs_for(open_flight(log), PlaybackOptions()).unix_s)
+    assert dates_s[0] == pytest.approx(GPS_EPOCH_UNIX_S + 2200 * WEEK_S, abs=30.0)
+    assert dates_s[1] == UNDATED_UNIX_S
 
 
 def test_the_smoothed_attitude_can_be_left_out(flight):
