@@ -191,7 +191,7 @@ def test_a_decision_counts_while_later_windows_share_it(monkeypatch, share, is_r
         t_s = known.moment.t_us * 1e-6 - FAULT_S
         return decided if 0.0 < t_s < 1.5 else later if t_s > 0.0 else NOTHING
 
-    monkeypatch.setattr("h2nav.integrity.monitor.explain", explain)
+    monkeypatch.setattr("h2nav.integrity.cause_search.explain", explain)
 
     def jump(t_s, v_n):
         return (v_n[0] + (5.0 if t_s > FAULT_S else 0.0), *v_n[1:])

@@ -45,7 +45,7 @@ def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0, per
         estimate = filter_.update(sample)
         if estimate is not None:
             monitor.add(sample, estimate)
-    return monitor._receiver, texts, filter_
+    return monitor._search.receiver, texts, filter_
 
 
 def test_a_receiver_that_is_late_and_off_the_centre_is_learnt_and_accuses_nobody() -> None:
