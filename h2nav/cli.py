@@ -245,7 +245,9 @@ def _run(words: list[str]) -> int:
     for name in THREADS:  # read when numpy is loaded
         os.environ.setdefault(name, "1")
     _refuse_unknown(words)
-    args = _parser(words).parse_args(words)
+    args, unknown = _parser(words).parse_known_args(words)
+    if unknown:  # with the usage of the command, not of all commands
+        args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     module = importlib.import_module(f"h2nav.apps.{COMMANDS[args.command].module}")
     return int(module.run(args))
 
@@ -281,6 +283,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="h2nav", description="Independent attitude and motion estimation over MAVLink."
     )
+    parser.set_defaults(parser=parser)
     parser.add_argument("--version", action=_Version, help="version and backend, then exit")
     levels: dict[tuple[str, ...], _Level] = {(): _add_level(parser, "h2nav", _overview())}
     for group, summary in GROUPS.items():
@@ -290,7 +293,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     for line, (module_name, summary, example) in COMMANDS.items():
         sub = levels[line[:-1]].add_parser(line[-1], description=_sentence(summary))
         if tuple(words[: len(line)]) == line:
-            sub.set_defaults(command=line, listed=COMMANDS)
+            sub.set_defaults(command=line, listed=COMMANDS, parser=sub)
             importlib.import_module(f"h2nav.apps.{module_name}").add_arguments(sub)
             _add_example(sub, example)
     return parser

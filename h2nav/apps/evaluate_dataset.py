@@ -30,10 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _EXAMPLES
     parser.add_argument(
-        "place",
+        "places",
+        nargs="+",
         type=Path,
         metavar="DIR",
-        help="folder of trials, or one trial: .npz, or recordings of an autopilot (.tlog, our "
+        help="folders of trials, or trials: .npz, or recordings of an autopilot (.tlog, our "
         ".mcap, raw .bytes), whose truth is SIMSTATE, else ATTITUDE",
     )
     parser.add_argument(
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         if len(remarks) == 1:
             raise error(remarks.pop())
         _say_left_out(scores)
-        raise error(f"{args.place}: no trial could be scored")
+        raise error(f"{args.places[0]}: no trial could be scored")
     _say_left_out(scores)
     names = list(dict.fromkeys(task.filter_name for task in tasks))
     summaries = {name: summary(scores, name) for name in names}
@@ -138,7 +139,7 @@ def _tasks(args: argparse.Namespace) -> list[TrialTask]:
         args.cruise_speed_m_s,
         shows_insides=args.plots is not None,
     )
-    paths = trial_paths(args.place)
+    paths = [path for place in args.places for path in trial_paths(place)]
     stems = Counter(path.stem for path in paths)
     trials = {path: path.stem if stems[path.stem] == 1 else path.name for path in paths}
     return [

@@ -50,10 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _CLOSING
     parser.add_argument(
-        "place",
+        "places",
+        nargs="+",
         type=Path,
         metavar="DIR",
-        help="folder of recordings, or one recording: .tlog, our .mcap, raw .bytes",
+        help="folders of recordings, or recordings: .tlog, our .mcap, raw .bytes",
     )
     playback.add_arguments(parser)
     parser.add_argument(
@@ -94,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"left out: {remark}", file=sys.stderr)
     flights = {score.name: score.document for score in ordered if score.document}
     if not flights:
-        raise BadInput(f"{args.place}: no flight could be scored")
+        raise BadInput(f"{args.places[0]}: no flight could be scored")
     means = mean(list(flights.values()))
     if args.json:
         print_json({"flights": flights, "mean": means, "left_out": left_out}, indent=1)
@@ -104,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _tasks(args: argparse.Namespace) -> list[FlightTask]:
-    paths = flight_paths(args.place)
+    paths = [path for place in args.places for path in flight_paths(place)]
     stems = Counter(path.stem for path in paths)
     played = functools.partial(play, options=playback.options(args))
     phases = None if args.phases is None else tuple(args.phases)

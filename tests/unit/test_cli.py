@@ -86,12 +86,21 @@ def test_version_names_the_backend(capsys, monkeypatch):
     assert f"h2nav {__version__} (python kernels" in said(capsys, "--version")
 
 
-@pytest.mark.parametrize("words", [[], ["log"], ["run", "--unheard-of"]])
-def test_wrong_words_end_with_2(words, capsys):
+@pytest.mark.parametrize(
+    ("words", "usage"),
+    [
+        ([], "h2nav [-h] [--version] COMMAND ..."),
+        (["log"], "h2nav log [-h] COMMAND ..."),
+        (["run", "--unheard-of"], "h2nav run [-h]"),
+        (["log", "info", "a", "--unheard-of"], "h2nav log info [-h]"),
+        (["--unheard-of", "run"], "h2nav [-h]"),
+    ],
+)
+def test_wrong_words_end_with_2_and_the_usage_of_their_command(words, usage, capsys):
     with pytest.raises(SystemExit) as caught:
         main(words)
     assert caught.value.code == 2
-    assert "usage" in capsys.readouterr().err
+    assert capsys.readouterr().err.startswith(f"usage: {usage}")
 
 
 def test_bad_input_is_one_line_and_2(tmp_path, capsys):

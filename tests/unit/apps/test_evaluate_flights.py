@@ -48,6 +48,14 @@ def test_the_json_has_the_keys_that_others_read(takeoff):
     assert flight["settled"] == {}
 
 
+def test_several_places_are_scored_together(tmp_path, capsys):
+    (tmp_path / "folder").mkdir()
+    places = [tmp_path / "one.tlog", tmp_path / "folder"]
+    rewritten(places[0], first_s=FIRST_S)
+    rewritten(places[1] / "two.tlog", first_s=FIRST_S)
+    assert set(evaluated(capsys, *places)["flights"]) == {"one", "two"}
+
+
 @pytest.mark.parametrize(("estimator", "words"), [("h2nav", []), ("h2nav_no_gps", ["--no-gps"])])
 def test_it_says_what_replay_says(takeoff, capsys, estimator, words):
     assert main(["replay", str(TAKEOFF), "--no-log", "--json", *words]) == 0
