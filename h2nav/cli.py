@@ -95,7 +95,7 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
         ("review",): CommandEntry(
             "review",
             "what went wrong in a flight: findings and pictures, one page per flight",
-            "review flight.bin -o reviews --open",
+            "review flight.bin --open",
         ),
         ("compare",): CommandEntry(
             "compare",

@@ -36,7 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _CLOSING
     parser.add_argument("flights", type=Path, nargs="*", metavar="FLIGHT", help="recordings")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the pages")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("reviews"),
+        metavar="DIR",
+        help="folder for the pages (reviews)",
+    )
     parser.add_argument("--open", action="store_true", help="open the pages in the browser")
     parser.add_argument(
         "--no-smooth",
@@ -73,8 +80,8 @@ def run(args: argparse.Namespace) -> int:
 
         print_json(review_schema(), indent=2)
         return 0
-    if not args.flights or args.output is None:
-        raise BadInput("review: name recordings, and a folder for their pages with -o DIR")
+    if not args.flights:
+        raise BadInput("review: name a recording, such as flight.bin")
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -39,6 +39,16 @@ def test_a_flight_becomes_a_page_and_a_document(flight, tmp_path, capsys):
     assert page.rstrip().endswith("</html>")
 
 
+def test_pages_go_into_the_folder_reviews_where_none_is_named(
+    flight, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["review", str(flight), "--no-smooth"]) == SUCCESS
+    assert Path("reviews/short.html").is_file()
+    assert main(["review"]) == BAD_INPUT
+    assert "name a recording" in capsys.readouterr().err
+
+
 def test_the_attitude_of_a_review_is_that_of_the_daemon(flight):
     daemon = Replayed(flight, Configuration()).estimates
     reviewed = reviewing.review(
