@@ -1,9 +1,10 @@
 """Puts small faults into h2nav, one at a time, and shows those that no test notices.
 
 ``make mutants ROOMS=service,wire N=300 SEED=1``. Lines of the rooms are drawn at random, and one
-mutant of each. In a copy of the repository it faces first what ``make test`` runs of those files of
-its room that import the module; then (without ``--near``) the tests of all its room that run its
-line, which takes hours to find out. Golden files and processes are no judges here: what only they
+mutant of each. In a copy of the repository it faces first what ``make test`` runs of the files that
+import the module, those of its room first, then of those that import what imports it, for some
+seconds; then (without ``--near``) the tests of all its room that run its line, which takes hours to
+find out. Golden files and processes are no judges here: what only they
 notice is not stated by any test. Verdicts are kept in
 ``.mutants/`` and reused until the module (for a survivor: the tests) changes, so a run that was
 broken off goes on. Survivors that were found to be equivalent stand in
@@ -29,7 +30,7 @@ from typing import NamedTuple
 
 import yaml
 from mutation.forks import NEAR_BUDGET_S
-from mutation.line_map import QUICK, Chosen, LineMap, nearest, own_first, record, test_files
+from mutation.line_map import QUICK, Chosen, LineMap, in_reach, record, test_files
 from mutation.operators import Mutant, code_lines, mutants
 from mutation.trial import Verdict, Workplace, change, diff
 from tqdm import tqdm
@@ -90,6 +91,8 @@ FURTHER = {
     "synthesis": ("tests/agreement/test_synthesis_shipped.py",),
     "translate": ("tests/unit/attitude",),
 }
+# Where a test of another room that imports a module may stand.
+JUDGES = tuple(f"tests/{name}" for name in ("unit", "contract", "laws", "wire", "scenarios"))
 # Their lines run in Python alone where the compiled ones are forbidden.
 KERNELS = Room(
     ("h2nav/attitude/**/kernel/*.py", "h2nav/attitude/integer/*.py"),
@@ -165,13 +168,17 @@ def main() -> int:
 def draw(rooms: Sequence[Room], count: int, seed: int) -> list[Mutant]:
     """Mutants of lines drawn at random, one each; the same seed draws the same ones.
 
-    A line's lot depends on its text alone, so an edit elsewhere does not change the draw.
+    A line's lot depends on its text, so an edit elsewhere does not change the draw, and on how many
+    equal ones are before it in the module, or all of them would be drawn together.
     """
     lots = []
+    alike: Counter[str] = Counter()
     for line in (line for room in rooms for line in _lines(room)):
         texts = "".join(f"{mutant.kind} {mutant.text}\0" for mutant in line)
         source = (REPOSITORY / line[0].module).read_bytes().split(b"\n")[line[0].line - 1]
-        rng = random.Random(f"{seed} {line[0].module} {source!r} {texts}")
+        place = f"{line[0].module} {source!r} {texts}"
+        rng = random.Random(f"{seed} {alike[place]} {place}")
+        alike[place] += 1
         lots.append((rng.random(), rng.choice(line)))
     return [mutant for _, mutant in sorted(lots)[:count]]
 
@@ -257,9 +264,9 @@ def _tried(
 
 
 def _near(sound: Path, files: Mapping[str, Sequence[Path]]) -> Callable[[Mutant], Chosen]:
-    """The quick tests of the files next to a mutant's module."""
-    near = {module: nearest(sound, module, found) for module, found in files.items()}
-    tests = {module: tuple(own_first(sound, module, found)) for module, found in near.items()}
+    """The quick tests of the files in reach of a mutant's module."""
+    everywhere = test_files(sound, JUDGES)
+    tests = {module: in_reach(sound, module, found, everywhere) for module, found in files.items()}
     return lambda mutant: Chosen(tests[mutant.module], budget_s=NEAR_BUDGET_S, options=QUICK)
 
 

@@ -25,7 +25,7 @@ from _pytest.runner import runtestprotocol
 from mutation.operators import Mutant
 
 ELSEWHERE = "elsewhere"
-NEAR_BUDGET_S = 6.0  # of the processor: no test begins after it
+NEAR_BUDGET_S = 12.0  # of the processor: no test begins after it
 TEST_S = 10.0  # of the processor, for one test
 WAIT_S = 300.0  # of the clock, for all
 MEMORY_BYTES = 4 << 30

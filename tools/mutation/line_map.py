@@ -214,6 +214,25 @@ def own_first(repository: Path, module: str, files: Iterable[Path]) -> list[str]
     return [str(path.relative_to(repository)) for path in sorted(files, key=place)]
 
 
+def in_reach(
+    repository: Path, module: str, files: Sequence[Path], everywhere: Sequence[Path]
+) -> tuple[str, ...]:
+    """Test files that may notice a fault of a module, relative to the tree, the likeliest first.
+
+    The `nearest` of its room's `files`, those of `everywhere` that import it, and those of its room
+    that import what imports it.
+    """
+    package = sorted((repository / "h2nav").rglob("*.py"))
+    above = (str(path.relative_to(repository)) for path in _importers(module, package))
+    circles = (
+        nearest(repository, module, files),
+        _importers(module, everywhere),
+        [path for one in above for path in _importers(one, files)],
+    )
+    found = (path for circle in circles for path in own_first(repository, module, circle))
+    return tuple(dict.fromkeys(found))
+
+
 def nearest(repository: Path, module: str, files: Sequence[Path]) -> list[Path]:
     """Those of some test files that import a module or have its name.
 

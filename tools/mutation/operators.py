@@ -59,6 +59,8 @@ SYMBOLS = {
     ast.And: "and",
     ast.Or: "or",
 }
+# Of a time in microseconds or a size in bytes one more is nothing that matters.
+MANY = 1000
 # To replace one of these by its counterpart only makes a TypeError that any test would see.
 NO_NUMBERS = (ast.List, ast.Tuple, ast.Dict, ast.Set, ast.JoinedStr, ast.ListComp)
 
@@ -195,7 +197,7 @@ class _Finder(ast.NodeVisitor):
         if isinstance(value, bool):
             texts = [str(not value)]
         elif isinstance(value, int):
-            texts = [str(value + 1)]
+            texts = [str(value + 1 if value < MANY else value * 2)]
         elif isinstance(value, float):
             texts = [repr(value * 2.0 if value else 1.0), repr(value * 0.5 if value else -1.0)]
         else:
