@@ -192,6 +192,8 @@ def quotient(a: FixedValue, b: FixedValue) -> FixedValue:
         a = moved(a, -exponent)
     elif exponent < 0 and moved(b, exponent).range.fits(32):
         b = moved(b, exponent)
+    elif exponent < 0:  # or an integer may be larger than that of the larger value
+        a = moved(a, -exponent)
     else:
         factor = 2.0**exponent
     text = b.text if b.range.lo > 0 else f"{b.at(_ATOM)} | 1"
