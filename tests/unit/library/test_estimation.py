@@ -134,7 +134,8 @@ def test_velocities_are_those_that_the_filter_takes_one_by_one(frame: str) -> No
     chosen = AttitudeFilter(RATE_HZ, "multirotor", frame)
     found = chosen.batch(gyr, acc, mag, t_s=t_s, velocity=Velocity(times_s, v_m_s, 0.2))
     by_hand = AttitudeFilter(RATE_HZ, "multirotor", frame)
-    rows = []
+    single = AttitudeFilter(RATE_HZ, "multirotor", frame)
+    rows, single_rows = [], []
     for i in range(2000):
         if i % 100 == 50 and i // 100 < 19:
             v_n = (1.0, 2.0, np.nan) if frame == "ned" else (2.0, 1.0, np.nan)
@@ -142,7 +143,13 @@ def test_velocities_are_those_that_the_filter_takes_one_by_one(frame: str) -> No
         sample = ImuSample(i * 10_000, tuple(gyr[i]), tuple(acc[i]), tuple(mag[i]))
         estimate_ = by_hand._filter.update(sample)
         rows.append(np.full(3, np.nan) if estimate_ is None else estimate_.bias_b)
+        estimate_ = single.update(gyr[i], acc[i], mag[i])
+        single_rows.append(np.full(3, np.nan) if estimate_ is None else estimate_.bias_b)
+        if i % 100 == 49 and i // 100 < 19:
+            single.use_velocity((1.0, 2.0, np.nan), 0.2)
     np.testing.assert_array_equal(found.gyro_bias_rad_s, np.array(rows))
+    # It is valid at the sample that has been, not at the next one.
+    np.testing.assert_allclose(np.array(single_rows), np.array(rows), atol=2e-5)
 
 
 def test_wrong_arguments_name_what_is_known() -> None:

@@ -2,8 +2,18 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from h2nav.recordings.log_clock import LONGEST_PAUSE_US, LogClock
+from h2nav.recordings.log_clock import (
+    LONGEST_PAUSE_US,
+    LONGEST_US,
+    MAX_AT_ONCE,
+    SLACK_US,
+    LogClock,
+    in_order,
+    is_running,
+)
 
 STEP_US = 20_000
 
@@ -38,5 +48,90 @@ def test_a_time_that_does_not_fit_its_neighbours_is_damage() -> None:
 def test_of_a_log_without_times_nothing_is_believed() -> None:
     clock = clock_of([])
     assert (clock.start_us, clock.end_us, clock.longest_pause_s) == (0, 0, 0.0)
-    assert not clock.believes(np.array([5]), np.array([1_000])).any()
-    assert clock.at(np.array([5])).tolist() == [0]
+    places = np.array([5, 6])
+    assert not clock.believes(places, np.array([0, 1_000])).any()
+    for times in (clock.at, clock.after, clock.between):
+        assert times(places).tolist() == [0, 0]
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    steps_us=st.lists(st.integers(0, 3_000_000), min_size=1, max_size=30),
+    places=st.lists(st.integers(-50, 3_100), min_size=1, max_size=20),
+)
+def test_times_of_other_rows_are_those_of_the_rows_around_them(
+    steps_us: list[int], places: list[int]
+) -> None:
+    t_us = np.cumsum(steps_us) + 1_000_000
+    clock = clock_of(t_us.tolist())
+    where = np.array(places)
+    before = [max([0, *(row for row in range(len(t_us)) if row * 100 < place)]) for place in places]
+    after = [
+        min([len(t_us) - 1, *(row for row in range(len(t_us)) if row * 100 >= place)])
+        for place in places
+    ]
+    assert clock.at(where).tolist() == t_us[before].tolist()
+    assert clock.after(where).tolist() == t_us[after].tolist()
+    between = clock.between(where)
+    assert (between >= t_us[0]).all()
+    assert (between <= t_us[-1]).all()
+    assert (np.diff(between[np.argsort(where)]) >= 0).all()
+    ends = clock.between(np.array([0, 100 * (len(t_us) - 1)]))
+    assert ends[1] == t_us[-1]
+    latest_us = t_us[after] + SLACK_US
+    earliest_us = [
+        t_us[row] - SLACK_US if place > 0 else 0 for row, place in zip(before, places, strict=True)
+    ]
+    earliest_us = np.array(earliest_us)
+    assert clock.believes(where, latest_us).all()
+    assert not clock.believes(where, latest_us + 1).any()
+    assert clock.believes(where, earliest_us).all()
+    assert not clock.believes(where, earliest_us - 1).any()
+
+
+def test_in_a_pause_a_time_is_taken_by_place() -> None:
+    clock = clock_of([0, 1_000_000, 2_000_000, 12_000_000, 13_000_000])
+    assert clock.between(np.array([250, 290])).tolist() == [7_000_000, 11_000_000]
+    assert clock.longest_pause_s == pytest.approx(10.0)
+
+
+def test_a_file_whose_first_and_last_rows_have_no_time_grows_evenly() -> None:
+    clock = LogClock(np.arange(100, 200) * 100, np.array(rows(60_000_000, 100)))
+    found = clock.extended(0, 60_000)
+    assert (found.start_us, found.end_us) == (58_000_000, 70_000_000)
+    assert found.at(np.array([10_001])).tolist() == [60_000_000]
+    assert clock.extended(-1_000_000, 20_000).start_us == 0
+
+
+def test_a_week_is_the_longest_of_flights() -> None:
+    pause_us = LONGEST_PAUSE_US
+    steps = LONGEST_US // pause_us
+    clock = clock_of([step * pause_us + extra for step in range(steps + 3) for extra in range(5)])
+    assert clock.end_us == LONGEST_US
+
+
+@pytest.mark.parametrize(
+    ("t_us", "runs"),
+    [
+        ([7] * 30, False),
+        (range(30), True),
+        ([row // MAX_AT_ONCE for row in range(10 * MAX_AT_ONCE)], False),
+        ([row // (MAX_AT_ONCE - 1) for row in range(10 * MAX_AT_ONCE)], True),
+    ],
+)
+def test_a_clock_that_runs_is_told_from_one_that_is_not_set(t_us: list[int], runs: bool) -> None:
+    assert is_running(np.array(t_us)) is runs
+
+
+@pytest.mark.parametrize(
+    ("t_us", "kept"),
+    [
+        ([1, 2, 3, 4], [1, 2, 3, 4]),
+        ([1, 2, 99, 4, 5, 6], [1, 2, 4, 5, 6]),
+        ([10, 20, 3, 40, 50], [10, 20, 40, 50]),
+        ([99, 2, 3, 4, 5], [2, 3, 4, 5]),
+        ([1, 2, 3, 4, 0], [1, 2, 3, 4]),
+    ],
+)
+def test_one_wrong_time_costs_one_row(t_us: list[int], kept: list[int]) -> None:
+    assert np.array(t_us)[in_order(np.array(t_us))].tolist() == kept
