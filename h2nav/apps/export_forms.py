@@ -134,12 +134,12 @@ def _anything(record_type: type, rng: random.Random) -> Any:
     return record
 
 
-def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constant_gain.Sample]:
+def constant_gain_samples() -> list[constant_gain.Sample]:
     """Ordinary motion first, then random numbers within the formats."""
-    rng = random.Random(seed)
+    rng = random.Random(1)
     samples = []
-    for number in range(rows_wanted):
-        if number >= rows_wanted // 2:
+    for number in range(400):
+        if number >= 200:
             sample = _anything(constant_gain.Sample, rng)
         else:
             rates = [rng.randint(-1100000, 1100000) for _ in range(3)]
@@ -151,16 +151,16 @@ def constant_gain_samples(rows_wanted: int = 400, seed: int = 1) -> list[constan
     return samples
 
 
-def velocity_aided_samples(rows_wanted: int = 208, seed: int = 1) -> list[velocity_aided.Sample]:
+def velocity_aided_samples() -> list[velocity_aided.Sample]:
     """Motion with fields, then also with fixes, then random numbers; some samples are long.
 
     At most as many rows as fit into 32 kB, the largest table of an AVR, and with the filter into
     the 128 kB of an ATmega1284P.
     """
-    rng = random.Random(seed)
+    rng = random.Random(1)
     samples = []
-    for number in range(rows_wanted):
-        if number >= rows_wanted * 3 // 4:
+    for number in range(208):
+        if number >= 156:
             sample = _anything(velocity_aided.Sample, rng)
         else:
             sample = velocity_aided.Sample(parts=1, fix_variance=170000, fix_period_us=200000)
@@ -169,9 +169,9 @@ def velocity_aided_samples(rows_wanted: int = 208, seed: int = 1) -> list[veloci
                 sample.accel[axis] = force + rng.randint(-20000, 20000)
                 sample.mag[axis] = field + rng.randint(-100, 100)
             sample.has_mag = number & 1
-            sample.aided = int(number >= rows_wanted // 4)
-            sample.has_fix = int(number >= rows_wanted // 4 and number % 20 == 0)
-        sample.dt_us = {37: 30000, 90: 100001, 130: 200000, 220: 1500000}.get(number, 10000)
+            sample.aided = int(number >= 52)
+            sample.has_fix = int(number >= 52 and number % 20 == 0)
+        sample.dt_us = {37: 30000, 90: 100001, 130: 200000}.get(number, 10000)
         samples.append(sample)
     return samples
 

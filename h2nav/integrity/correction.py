@@ -40,8 +40,8 @@ class WindowErrors:
         fit: HypothesisFit,
         columns: VelocityColumns,
         *,
-        rate_from: int | None = None,
-        has_force: bool = False,
+        rate_from: int | None,
+        has_force: bool,
     ) -> None:
         self._fit, self._used_n = fit, columns.used_n
         self._unknowns = fit.unknowns()

@@ -83,7 +83,7 @@ class Window(NamedTuple):
     residual_m_s: float  # size of the measured minus the predicted change of velocity
     sigma_m_s: float  # its expected deviation per axis
     change_m_s: float  # horizontal change of velocity that was measured
-    shows_heading: bool = True  # not only the size of that change was compared
+    shows_heading: bool  # not only the size of that change was compared
 
     @property
     def ratio(self) -> float:

@@ -26,18 +26,12 @@ class PortListing(NamedTuple):
     obstacles: tuple[str, ...]  # what prevents its use, each with the remedy
 
 
-def listed_ports(further: tuple[str, ...] = ()) -> list[PortListing]:
-    """Lists every serial port with hardware behind it.
-
-    Args:
-        further: additional device paths to list.
-    """
+def listed_ports() -> list[PortListing]:
+    """Lists every serial port with hardware behind it."""
     stable = {os.path.realpath(link): link for link in _links()}
     nodes = [node for pattern in PATTERNS for node in sorted(glob.glob(f"/dev/{pattern}"))]
     nodes = [node for node in nodes if node in stable or _has_hardware(node)]
-    found = [port_at(stable.get(node, node)) for node in nodes]
-    known = {port.device for port in found}
-    return found + [port_at(path) for path in further if os.path.realpath(path) not in known]
+    return [port_at(stable.get(node, node)) for node in nodes]
 
 
 def port_at(path: str) -> PortListing:

@@ -34,7 +34,7 @@ class CommandServer:
         streams: StreamSchedule,
         vehicle: Vehicle,
         *,
-        asks_to_arm: bool = False,
+        asks_to_arm: bool,
     ) -> None:
         self._asks_to_arm = asks_to_arm
         self._authorized_until_ns = 0

@@ -144,7 +144,7 @@ def parse_fault(text: str) -> Fault:
     return _fault(text, match, start_s, length_s)
 
 
-def parse_untimed_fault(text: str, start_s: float, length_s: float = math.inf) -> Fault:
+def parse_untimed_fault(text: str, start_s: float, length_s: float) -> Fault:
     """Reads ``NAME[=ARGUMENT][/IMU]``, such as ``gyro-scale=1.05/2``.
 
     Args:

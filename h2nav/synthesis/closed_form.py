@@ -38,9 +38,7 @@ def attitude_bias_gain(
     return Candidate("closed_form", L, float(np.sqrt(np.sum(p11))))
 
 
-def attitude_gain(
-    gyro_density: float, sensors: Sequence[VectorSensor], dt_s: float = 0.0
-) -> Candidate:
+def attitude_gain(gyro_density: float, sensors: Sequence[VectorSensor], dt_s: float) -> Candidate:
     """The optimal gain of `attitude_plant`, discretised by `dt_s` unless that is 0.
 
     Source: docs/derivation.md Eq. (4.4) with n_b = 0 (continuous), (4.23) (discrete).

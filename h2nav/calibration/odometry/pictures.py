@@ -87,10 +87,10 @@ def _path(ax: "Axes", chassis: Chassis, result: WheelCalibration, data: Incremen
     ax.set_title("Odometry path")
 
 
-def ellipse(centre: tuple[float, ...], P: Any, sigmas: float = 3.0) -> tuple[Any, Any]:
-    """Outline of the `sigmas` ellipse of a (2, 2) covariance: x and y, m."""
+def ellipse(centre: tuple[float, ...], P: Any) -> tuple[Any, Any]:
+    """Outline of the ellipse of three deviations of a (2, 2) covariance: x and y, m."""
     sizes, axes = np.linalg.eigh(P)
     t = np.linspace(0.0, 2.0 * np.pi, 60)
     circle = np.sqrt(np.maximum(sizes, 0.0))[:, None] * np.array([np.cos(t), np.sin(t)])
-    x, y = sigmas * axes @ circle
+    x, y = 3.0 * axes @ circle
     return centre[0] + x, centre[1] + y
