@@ -1,5 +1,8 @@
 """The sections `motion`, `twist` and `odometry` of the daemon's configuration."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 
@@ -58,10 +61,42 @@ def test_what_calibrate_prints_is_a_configuration_of_the_daemon(tmp_path, capsys
     table = np.hstack([phi, np.array(motion) + 1e-3 * rng.normal(size=(200, 3))])
     data = tmp_path / "data.csv"
     np.savetxt(data, table, delimiter=",", header=columns + ",dx_m,dy_m,dtheta_rad", comments="")
-    assert cli.main(["odometry", "calibrate", str(data), "--autopilot-radius-m", "0.05"]) == 0
+    words = ["odometry", "calibrate", str(data), "--autopilot-radius-m", "0.05"]
+    assert cli.main(words) == 0
     printed = capsys.readouterr().out
     path = tmp_path / "config.yaml"
     path.write_text("motion: {estimator: wheels}\n" + printed[printed.index("\nodometry:") :])
     assert cli.main(["check-config", str(path)]) == 0
     scales = configuration.read(path).odometry.scales
     assert scales == pytest.approx([1.0] * len(scales), rel=0.01)
+    capsys.readouterr()
+    assert cli.main([*words, "--json"]) == 0
+    the_same(printed, json.loads(capsys.readouterr().out))
+
+
+def the_same(printed, document):
+    """What is printed for people is what the document says."""
+    lines = printed.split("\n\nodometry:")[0].splitlines()
+    first, *parameters, fit = [line for line in lines if not line.startswith("  note: ")]
+    assert first.startswith(f"{document['model']} from ")
+    assert first.endswith(f"; reference read as {document['reference_read_as']}")
+    assert len(parameters) == len(document["parameters"])
+    for place, (line, name) in enumerate(zip(parameters, document["parameters"], strict=True)):
+        shown, value, between, sigma = line.split()
+        assert (shown, between) == (name, "+-")
+        assert float(value) == pytest.approx(document[name], rel=1e-5)
+        assert float(sigma) == pytest.approx(document["covariance"][place][place] ** 0.5, rel=0.05)
+    numbers = [float(text) for text in re.findall(r"[-+.e\d]*\d", fit)]
+    assert numbers == pytest.approx(
+        [
+            document["rank"],
+            document["unknowns"],
+            document["condition"],
+            1e3 * document["residual_rms_m"],
+            1e3 * document["residual_rms_rad"],
+        ],
+        rel=0.01,
+    )
+    assert f"solver {document['solver']}," in fit
+    notes = [line.removeprefix("  note: ") for line in lines if line.startswith("  note: ")]
+    assert notes == document["notes"]

@@ -126,3 +126,16 @@ def test_a_clean_log_needs_no_deframer(monkeypatch) -> None:
     for batch in batches:
         FrameScan().frames_of(batch)
     assert len(fed) <= 20
+
+
+def test_every_frame_has_its_sender() -> None:
+    senders = [(1, 1), (255, 190), (7, 200), (200, 7)]
+    frames = [
+        FrameMaker(*sender).raw_imu(1, version=version) for version in (1, 2) for sender in senders
+    ]
+    (batch,) = gathered([(0, b"".join(frames))])
+    found = FrameScan().frames_of(batch)
+    assert found.senders().tolist() == [256 * one + other for one, other in 2 * senders]
+    wanted = found.wanted({mavlink.MAVLINK_MSG_ID_RAW_IMU})
+    assert [row[2] for row in wanted.placed] == 2 * senders
+    assert found.wanted({mavlink.MAVLINK_MSG_ID_HEARTBEAT}).placed == []
