@@ -53,6 +53,8 @@ OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
 # Members of enumerations cost a look-up each: these are asked for at every sample.
 ALL, NONE, NEXT, SAMPLE = Use.ALL, Use.NONE, TimeVerdict.NEXT, Need.SAMPLE
+# A plain number: `&` of a flag makes a new one.
+REST = int(Trust.REST)
 # What a lane's velocity says of its sensors, which their comparison with others knows better.
 BY_VELOCITY = (Kind.GYRO_BIAS_STEP, Kind.ACCELEROMETER_BIAS_STEP)
 FROZEN_PARTS = {
@@ -393,7 +395,7 @@ class Lane:
 
     def _see_rest(self, sample: ImuSample, filtered: AttitudeEstimate | None) -> None:
         """Measures the accelerometer's bias by the size of the force at rest."""
-        if filtered is None or not filtered.trust & Trust.REST or sample.clipped:
+        if filtered is None or not int(filtered.trust) & REST or sample.clipped:
             self._resting.interrupt()
             return
         (x, y, z), (u, v, w) = sample.f_b, self._bias.found_b
