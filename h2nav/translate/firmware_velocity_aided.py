@@ -276,7 +276,7 @@ _FILES = VELOCITY_AIDED_INTEGER.paths
 VELOCITY_AIDED: Final = IntegerForm(
     # the kernel of the daemon, and what a program tells it: the place's field, the fixes' delay
     kernel=VELOCITY_AIDED_INTEGER._replace(
-        paths=(*_FILES[:-1], "velocity_aided/integer/kernel/place.py", _FILES[-1])
+        paths=(*_FILES[:-1], "velocity_aided/integer/kernel/told.py", _FILES[-1])
     ),
     more_entries=("restart", "resume", "set_place", "remove_fix_delay"),
     # Found by trying: gcc's code for Cortex-M0 is smaller, and its longest step shorter.

@@ -3,7 +3,7 @@
 from agreement.identity_noise import Noise
 
 from h2nav.attitude.record import assign, values
-from h2nav.attitude.velocity_aided.integer.kernel import place, start
+from h2nav.attitude.velocity_aided.integer.kernel import start, told
 from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 
 _REST = values(Sample(dt_us=10000, parts=1, fix_variance=20000, fix_period_us=210000), Sample)
@@ -46,10 +46,10 @@ class VelocityAidedSamples:
     def next_call(self, memory: State, gains: Gains, step: int) -> None:
         """What a program asks of the filter now and then beside its steps."""
         if step % 30011 == 15000:
-            place.set_place(memory, gains, 6400, 0, 11085)
+            told.set_place(memory, gains, 6400, 0, 11085)
         if step % 30011 == 14000:
             north, east, down = (self._noise(16) for _ in range(3))
-            place.set_place(memory, gains, north, east, down)
+            told.set_place(memory, gains, north, east, down)
         if step % 50021 == 50020:
             start.restart(memory)
 

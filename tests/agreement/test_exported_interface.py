@@ -23,7 +23,7 @@ from h2nav.attitude.velocity_aided.integer.filter import (
     fill_sample,
     parts_of,
 )
-from h2nav.attitude.velocity_aided.integer.kernel import place, start, step
+from h2nav.attitude.velocity_aided.integer.kernel import start, step, told
 from h2nav.attitude.velocity_aided.integer.memory import Gains, Sample, State
 from h2nav.files import gain_files
 from h2nav.translate.c99 import translate
@@ -216,7 +216,7 @@ def test_the_field_of_the_place_is_that_of_the_daemon(library: ctypes.CDLL) -> N
         assert got.mag_ref_given == 1
         python = started(daemon.kernel_gains)
         north, east, below = field
-        place.set_place(python, daemon.kernel_gains, north, east, below)
+        told.set_place(python, daemon.kernel_gains, north, east, below)
         assert program.memory() == values(python, State)
 
 

@@ -16,11 +16,11 @@ from h2nav.attitude.velocity_aided.integer.kernel import (
     frame,
     functions,
     heading,
-    place,
     start,
     step,
     theta,
     tilt,
+    told,
     velocity,
 )
 from h2nav.attitude.velocity_aided.integer.memory import (
@@ -36,7 +36,7 @@ from h2nav.files import gain_files
 pytestmark = pytest.mark.thorough
 
 MODULES = (
-    triad, motion, functions, theta, aiding, tilt, velocity, heading, frame, place, start, step
+    triad, motion, functions, theta, aiding, tilt, velocity, heading, frame, told, start, step
 )  # fmt: skip
 BLOCK = 400
 Maker = Callable[[random.Random, State, int], Sample]
@@ -203,7 +203,7 @@ def watched_run(rng: random.Random, gains: Gains, count: int) -> None:
             take(memory, gains, maker(rng, memory, number))
         if rng.random() < 0.3:
             north, east, down = (rng.choice((-32768, 0, 6400, 32767)) for _ in range(3))
-            place.set_place(memory, gains, north, east, down)
+            told.set_place(memory, gains, north, east, down)
         for number in range(20):  # gaps
             start.resume(memory, gains, rng.choice((spin, corners, weak))(rng, memory, number))
             assign(memory, State, values(memory, State))
