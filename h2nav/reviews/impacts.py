@@ -148,12 +148,17 @@ def with_contacts(
 
 def _of_contact(bins: Bins, contact: Contact, stood: Array, span: Span) -> Impact:
     near = np.abs(bins.t_s - contact.t_s) < BLOW_S
-    after = (bins.t_s >= contact.t_s) & (bins.t_s < contact.t_s + TOPPLED_S)
-    rests = np.flatnonzero(after & _steady(bins))
     place = int(np.searchsorted(bins.t_s, contact.t_s).clip(max=len(bins.t_s) - 1))
+    t_s, force = contact.t_s, np.where(near, bins.peak_g, 0.0)
+    if force.max(initial=0.0) > BLOW_G:
+        # Heights are some tenths of a second late; what it did then is no cause of the blow.
+        place = _touched(bins, force)[1]
+        t_s = float(bins.t_s[place])
+    after = (bins.t_s >= t_s) & (bins.t_s < t_s + TOPPLED_S)
+    rests = np.flatnonzero(after & _steady(bins))
     turned, turned_s = _turned(bins, place)
     return Impact(
-        contact.t_s,
+        t_s,
         float(span.to_s),
         float(bins.peak_g[near].max(initial=0.0)),
         float(bins.peak_rad_s[near].max(initial=0.0)),
@@ -417,10 +422,7 @@ def _impact(
     peak_g, peak_rad_s = float(force.max()), float(bins.peak_rad_s[near].max())
     if peak_g < TOPPLED_G:
         return None
-    first = int(np.flatnonzero(force >= max(0.5 * peak_g, TOPPLED_G))[0])
-    # The blow began while it was less hard, and what it touched then has turned it.
-    felt = force >= max(TOPPLED_G, TOUCHED_OF_USUAL * float(np.median(bins.peak_g)))
-    met = max((last + 1 for last in np.flatnonzero(~felt[:first]).tolist()), default=first)
+    first, met = _touched(bins, force)
     after = (bins.t_s >= bins.t_s[first]) & (bins.t_s < bins.t_s[first] + TOPPLED_S)
     rests = np.flatnonzero(after & _steady(bins))
     tilt = float("nan")
@@ -430,6 +432,19 @@ def _impact(
     turned, turned_s = _turned(bins, met)
     t_s = float(bins.t_s[met])
     return Impact(t_s, float(span.to_s), peak_g, peak_rad_s, tilt, turned, turned_s, is_crash)
+
+
+def _touched(bins: Bins, force: Array) -> tuple[int, int]:
+    """The bin in which a blow is half as hard as it gets, and that in which it began.
+
+    It began while it was less hard, and what it touched then has turned it.
+
+    Args:
+        force: (N,) of the bins near it in g, at least once TOPPLED_G; else 0.
+    """
+    first = int(np.flatnonzero(force >= max(0.5 * float(force.max()), TOPPLED_G))[0])
+    felt = force >= max(TOPPLED_G, TOUCHED_OF_USUAL * float(np.median(bins.peak_g)))
+    return first, max((last + 1 for last in np.flatnonzero(~felt[:first]).tolist()), default=first)
 
 
 def _turned(bins: Bins, place: int) -> tuple[float, float]:

@@ -55,6 +55,16 @@ def test_a_descent_that_ends_at_once_is_a_crash_although_no_blow_was_logged():
     assert "Crashed at 60 s with 12 m/s." in text
 
 
+def test_heights_are_later_than_the_blow_that_ended_a_descent():
+    """What the vehicle did in between was done to it: no loss of control that led there."""
+    late = flown(*fallen(12.0))
+    first = late.context.imus[0]
+    struck = (first.t_s > AT_S - 0.4) & (first.t_s < AT_S - 0.3)
+    found, _ = told(with_imu(late, f_b=first.f_b * np.where(struck, 8.0, 1.0)[:, None]))
+    assert "at 12.0 m/s" in found[Kind.CRASH].text
+    assert found[Kind.CRASH].from_s == pytest.approx(AT_S - 0.4, abs=0.11)
+
+
 @pytest.mark.parametrize(("speed_m_s", "stop_s"), [(3.0, 0.1), (12.0, 2.0)])
 def test_a_landing_and_a_descent_that_thrust_ends_are_none(speed_m_s, stop_s):
     assert Kind.CRASH not in told(flown(*fallen(speed_m_s, stop_s)))[0]
