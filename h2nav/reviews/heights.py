@@ -43,8 +43,15 @@ class Heights(NamedTuple):
     climbed_m: Array  # (N,) integral of the autopilot's climb rate
 
 
-def heights(context: Context, sources: tuple[Climb, ...]) -> Heights | None:
-    """All heights; None without a barometer."""
+def heights(
+    context: Context, sources: tuple[Climb, ...], doubted: Sequence[Span] = ()
+) -> Heights | None:
+    """All heights; None without a barometer.
+
+    Args:
+        sources: of vertical speed.
+        doubted: while the receiver itself may be wrong, which then shows no height.
+    """
     if context.baro_height_m is None or not sources:
         return None
     t_s = sources[0].t_s
@@ -54,13 +61,14 @@ def heights(context: Context, sources: tuple[Climb, ...]) -> Heights | None:
     for gps in context.gps[:1]:
         good = gps.has_fix & ~(gps.satellites < MIN_SATELLITES)
         altitude = on_grid(t_s, gps.t_s[good], gps.altitude_m[good])
+    sound = ~within(t_s, doubted)
     if context.height_m is not None:
         estimate = on_grid(t_s, context.height_m.t_s, context.height_m.values)
     return Heights(
         t_s,
         on_grid(t_s, context.baro_height_m.t_s, context.baro_height_m.values),
-        altitude,
-        _integral(rates.get("the GPS", nothing)),
+        np.where(sound, altitude, np.nan),
+        _integral(np.where(sound, rates.get("the GPS", nothing), np.nan)),
         estimate,
         _integral(rates.get("the estimator", nothing)),
     )

@@ -1,11 +1,14 @@
 """The barometer."""
 
+import math
+
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
+from h2nav.recordings.context import Span
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.heights import HEIGHT_LOST, detect_heights, heights
-from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects import needs, receiver
 from h2nav.reviews.supply import detect_barometer
 
 KINDS = (
@@ -60,12 +63,26 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     """See `supply` and `heights`."""
     found = detect_barometer(evidence.of(parts.recorded))
     context = evidence.of(parts.unharmed)
-    known = heights(context, evidence.of(parts.vertical))
+    known = heights(context, evidence.of(parts.vertical), _doubted(evidence))
     if known is None:
         return found
     shown = detect_heights(known, context, evidence.of(parts.lifted))
     # What the heights show says more than a report of it.
     return [*shown, *(one for one in found if one.kind not in {each.kind for each in shown})]
+
+
+def _doubted(evidence: FlightEvidence) -> tuple[Span, ...]:
+    """Since the first receiver contradicted itself or the IMU: an offset leaves no trace."""
+    if not evidence.of(parts.receivers):
+        return ()
+    wrong_s = [
+        one.from_s
+        for one in evidence.of(receiver.look)
+        if one.kind in (Kind.GPS_VELOCITY, Kind.GPS_JUMP)
+        and one.severity <= Severity.WARNING
+        and one.sensor.number is None
+    ]
+    return (Span(min(wrong_s), math.inf, "doubted"),) if wrong_s else ()
 
 
 SUBJECT = ReviewSubject("barometer", KINDS, (needs.times, needs.barometer), look)

@@ -8,7 +8,7 @@ from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, EARTH_RADIUS_M
-from h2nav.recordings.context import Context, GpsTrack, Span
+from h2nav.recordings.context import Context, GpsTrack, Series, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.receiver import _by_course, detect_receiver, moves_of
@@ -62,6 +62,23 @@ def test_a_velocity_that_is_spoofed_by_a_step_is_told_with_its_time_and_size():
     finding = only(with_gps(flown, v_n=v_n, **moved(flown, v_n)), "gps_velocity")
     assert finding.from_s == pytest.approx(60.0, abs=1.5)
     assert finding.size == pytest.approx(5.0, abs=1.0)
+
+
+@pytest.mark.parametrize("is_sound", [True, False])
+def test_a_receiver_that_the_imu_contradicts_does_not_convict_a_barometer(is_sound):
+    """Its altitude and its velocity agree, and both run away from the height of the vehicle."""
+    flown = flight()
+    gps = flown.context.gps[0]
+    away = 4.0 * ((gps.t_s > 60.0) & (gps.t_s < 80.0))
+    run_m = np.cumsum(away) / GPS_HZ
+    height = gps.altitude_m - gps.altitude_m[0]
+    if is_sound:
+        flown = flight(baro_height_m=Series(gps.t_s, height - run_m))
+    else:
+        v_n = gps.v_n - away[:, None] * np.array([0.0, 1.0, 1.0])
+        changes = {"v_n": v_n, "altitude_m": gps.altitude_m + run_m, **moved(flown, v_n)}
+        flown = with_gps(flight(baro_height_m=Series(gps.t_s, height)), **changes)
+    assert {one.kind for one in found(flown)} == {Kind.BARO if is_sound else Kind.GPS_VELOCITY}
 
 
 def test_a_velocity_that_drifts_by_3_m_s2_is_told():
