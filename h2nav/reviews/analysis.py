@@ -12,7 +12,6 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, ImuTrack
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence
-from h2nav.reviews.estimators import judged
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact
 from h2nav.reviews.inertial import STEADY_HZ, means
@@ -93,14 +92,7 @@ def analyse(flight: Flight) -> Analysis:
 def _with_tracks(analysis: Analysis, evidence: FlightEvidence) -> Analysis:
     """The analysis with what needs times of arrival."""
     looked = evidence.of(compass.compasses)
-    track = evidence.of(parts.witness) or evidence.of(parts.soundest)
-    shown = judged(
-        evidence.of(parts.unharmed),
-        track,
-        evidence.of(parts.best),
-        parts.at_rest(evidence, track),
-        evidence.flight.findings,
-    )
+    shown = evidence.of(parts.attitudes_judged)
     return analysis._replace(
         fields=tuple(field for field, _, _ in looked if field is not None),
         compasses=tuple(fit for _, fit, _ in looked if fit is not None),

@@ -8,6 +8,7 @@ from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, S
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
+from h2nav.reviews.estimators import judged
 from h2nav.reviews.falls import until_down
 from h2nav.reviews.force_steps import detect_force_steps
 from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
@@ -316,6 +317,18 @@ def witness(evidence: FlightEvidence) -> ImuTrack | None:
     if track is None or len(tracks) < 2 or track.imu + 1 not in wrong:
         return track
     return next((one for one in tracks if one.imu + 1 not in wrong), None)
+
+
+def attitudes_judged(evidence: FlightEvidence) -> tuple[Finding, ...]:
+    """Findings in flight about the autopilot's attitude, as the whole flight shows them."""
+    track = evidence.of(witness) or evidence.of(soundest)
+    return judged(
+        evidence.of(unharmed),
+        track,
+        evidence.of(best),
+        at_rest(evidence, track),
+        evidence.flight.findings,
+    )
 
 
 def is_reported(evidence: FlightEvidence, kind: Kind, imu: int) -> bool:

@@ -108,6 +108,8 @@ def receivers(evidence: FlightEvidence) -> tuple[tuple[Receiver, list[Finding]],
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `receiver` and `force_steps`."""
     compared = [one for one in evidence.flight.findings if one.clears_velocity]
+    # What fits the autopilot's attitude and not ours was not the receiver's error.
+    compared += [one for one in evidence.of(parts.attitudes_judged) if one.backs_us is False]
     found = [[weighed(one, compared) for one in own] for _, own in evidence.of(receivers)]
     steps = evidence.of(parts.force_steps)
     if len(evidence.of(parts.alive)) == 1:

@@ -7,10 +7,12 @@ import pytest
 from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.context import Context, GpsTrack, Series, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.inertial import exponential
 from h2nav.reviews.receiver import _by_course, detect_receiver, moves_of
 from h2nav.reviews.subjects.receiver import weighed
 
@@ -252,12 +254,35 @@ def test_the_comparison_of_all_causes_in_flight_decides(is_compared, to_s, sever
         Kind.ATTITUDE_VELOCITY, sensor, Severity.WARNING, 59.0, to_s, 0.0, "deg", "",
         "vibration", "a", clears_velocity=is_compared,
     )  # fmt: skip
+    assert pushed_with(compared).severity is severity
+
+
+@pytest.mark.parametrize("is_found", [True, False])
+def test_a_velocity_that_fits_the_autopilots_attitude_is_our_own_error(is_found):
+    flown = flight(parameters={"AHRS_TRIM_X": 0.0})
+    own = flown.estimates
+    tilted = np.zeros((len(own.t_s), 3))
+    tilted[:, 0] = 8.0 * DEG * ((own.t_s > 60.0) & (own.t_s < 72.0))
+    differs = Finding(
+        Kind.AUTOPILOT_TILT, Sensor(SensorKind.AUTOPILOT), Severity.WARNING, 60.0, 72.0, 8.0,
+        "deg", "our tilt off 8 deg, GPS backs autopilot", "by hand", id="tilt", backs_us=False,
+    )  # fmt: skip
+    flown = flown._replace(
+        estimates=own._replace(q_nb=product(exponential(tilted), own.q_nb)),
+        findings=(differs,) if is_found else (),
+    )
+    said = [one.severity for one in found(flown) if one.kind is Kind.GPS_VELOCITY]
+    assert said == [Severity.NOTICE if is_found else Severity.WARNING]
+
+
+def pushed_with(compared: Finding) -> Finding:
+    """What is said of a velocity that is off for 6 s, beside another finding in flight."""
     flown = flight()
     gps = flown.context.gps[0]
     v_n = gps.v_n + ((gps.t_s > 60.0) & (gps.t_s < 66.0))[:, None] * np.array([5.0, 0.0, 0.0])
     flown = with_gps(flown, v_n=v_n, **moved(flown, v_n))._replace(findings=(compared,))
     (finding,) = [one for one in found(flown) if one.kind is Kind.GPS_VELOCITY]
-    assert finding.severity is severity
+    return finding
 
 
 @pytest.mark.parametrize(
