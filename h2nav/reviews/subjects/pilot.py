@@ -9,7 +9,7 @@ from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.impacts import Bins, Impact
 from h2nav.reviews.inertial import Mask
-from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects import motors_stopped, needs
 
 FLOWN_INTO_GROUND = FlightKind("flown_into_ground")
 # Modes in which the throttle is the pilot's own.
@@ -48,9 +48,14 @@ KINDS = (
 
 
 def look(evidence: FlightEvidence) -> list[Finding]:
-    """The first crash, if the throttle was low throughout the descent that it ended."""
+    """The first crash, if the throttle was low throughout the descent that it ended.
+
+    Not where all motors stopped on the way: that is no longer what the pilot asked for.
+    """
     crashes, bins = evidence.of(parts.crashes), evidence.of(parts.bins)
     if not crashes or bins is None or not np.isfinite(crashes[0].speed_m_s):
+        return []
+    if any(one.from_s < crashes[0].t_s for one in evidence.of(motors_stopped.look)):
         return []
     found = _commanded(crashes[0], bins, evidence.of(parts.recorded))
     return [] if found is None else [found]

@@ -10,6 +10,7 @@ from h2nav.reviews.analysis import analyse
 from h2nav.reviews.chain import chain
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import Bins, Impact, with_contacts
+from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 from h2nav.reviews.verdict import verdict
 from h2nav.reviews.vertical import climbs, contacts
@@ -99,6 +100,20 @@ def test_a_low_throttle_by_hand_is_the_cause_of_a_crash_and_the_only_one():
     assert text.startswith(f"{first} Nothing else was found wrong.")
     changes["modes"] = (Span(0.0, DURATION_S, "RTL"),)
     assert FLOWN_INTO_GROUND not in told(flown(*fallen(12.0), **changes))[0]
+
+
+def test_a_pilot_did_not_ask_for_motors_that_stopped():
+    changes = {
+        "motors": outputs([(AT_S - 4.0, (0.15,) * 4), (AT_S - 1.5, (0.0,) * 4)]),
+        "modes": (Span(0.0, DURATION_S, "STABILIZE"),),
+    }
+    fell = flown(*fallen(12.0), **changes)
+    first = fell.context.imus[0]
+    falls = (first.t_s > AT_S - 1.5) & (first.t_s < AT_S)
+    found, text = told(with_imu(fell, f_b=first.f_b * np.where(falls, 0.05, 1.0)[:, None]))
+    assert found[Kind.CRASH].cause == found[MOTORS_STOPPED].id
+    assert FLOWN_INTO_GROUND not in found
+    assert text.startswith("All motors stopped in the air (all outputs at their least) at 58 s")
 
 
 def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
