@@ -493,6 +493,13 @@ def _finding(impact: Impact) -> Finding:
     )
 
 
+def crash_checks(context: Context) -> list[float]:
+    """When the autopilot said that it crashed."""
+    reported = (one for one in context.faults if one.subsystem == "crash_check" and one.code > 0)
+    checks = [one.t_s for one in reported]
+    return checks or [said.t_s for said in context.said if CRASH_CHECK.match(said.text)]
+
+
 def detect_crash_checks(bins: Bins, context: Context, blows: Sequence[Impact]) -> list[Finding]:
     """Detections of the autopilot's crash check without a crash.
 
@@ -500,11 +507,8 @@ def detect_crash_checks(bins: Bins, context: Context, blows: Sequence[Impact]) -
         bins: of the soundest IMU.
         blows: crashes and hard landings.
     """
-    reported = (one for one in context.faults if one.subsystem == "crash_check" and one.code > 0)
-    checks = [one.t_s for one in reported]
-    if not checks:
-        checks = [said.t_s for said in context.said if CRASH_CHECK.match(said.text)]
-    false = [t_s for t_s in checks if not any(_explains(blow, t_s) for blow in blows)]
+    upright = (t_s for t_s in crash_checks(context) if not _lay(bins, t_s))
+    false = [t_s for t_s in upright if not any(_explains(blow, t_s) for blow in blows)]
     if not false:
         return []
     near = np.zeros(len(bins.t_s), dtype=bool)
@@ -528,6 +532,18 @@ def detect_crash_checks(bins: Bins, context: Context, blows: Sequence[Impact]) -
             f"{', '.join(f'{t_s:.0f} s' for t_s in false[:6])}; force up to {peak_g:.1f} g",
         )
     ]
+
+
+def _lay(bins: Bins, t_s: float) -> bool:
+    """Whether it had tipped over just before, since the log began; the blow may be older."""
+    before = bins.f_b[(bins.t_s > t_s - AGAIN_FOR_S) & (bins.t_s <= t_s)]
+    if not len(before):
+        return False
+    begins = np.median(bins.f_b[bins.t_s < bins.t_s[0] + AGAIN_FOR_S], axis=0)
+    middle = np.median(before, axis=0)[None]
+    # Off both: a board may be mounted on its side.
+    upright = (begins, np.array([0.0, 0.0, -1.0]))
+    return all(_angle(middle, one)[0] > LYING_RAD for one in upright)
 
 
 def _explains(blow: Impact, t_s: float) -> bool:

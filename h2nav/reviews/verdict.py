@@ -15,7 +15,7 @@ from h2nav.reviews.declared import Trait
 from h2nav.reviews.evidence import HIGH_M
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.heights import HEIGHT_LOST
-from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, driven_at
+from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, crash_checks, driven_at
 from h2nav.reviews.motors import LIMIT_SHARE
 from h2nav.reviews.subjects import KINDS, impacts
 from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
@@ -88,7 +88,8 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
         ending = _ending(flight.context) if analysis.ends_aloft else ""
-        text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing))
+        is_said = bool(crash_checks(flight.context))
+        text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing), is_said=is_said)
     receivers = [gps for gps in flight.context.gps if len(gps.t_s)]
     if receivers and flight.context.armed and not any(gps.has_fix.any() for gps in receivers):
         text += " The GPS never had a fix."
@@ -264,10 +265,16 @@ def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
     return f"{said} {_until(lost, found)}"
 
 
-def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind: bool) -> str:
+def _flown(
+    found: list[Finding], ending: str, looked: tuple[str, ...], is_blind: bool, *, is_said: bool
+) -> str:
     """The worst findings, each once; or that nothing was found.
 
-    That there was no crash is said only by who looked for one.
+    That there was no crash is said only by who looked for one, and not against the autopilot's
+    word where that is not shown to be false.
+
+    Args:
+        is_said: the autopilot said that it crashed.
     """
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if not _has(one, Trait.ABOUT_RECORDING)] or serious
@@ -286,7 +293,8 @@ def _flown(found: list[Finding], ending: str, looked: tuple[str, ...], is_blind:
         shown = _listed(parts[:MAX_SENSORS])
         more = len(parts) - MAX_SENSORS
         rest = f", and {more} more" if more > 0 else ""
-        begin = "" if failed or ending or impacts.SUBJECT.name not in looked else "No crash. "
+        is_known = impacts.SUBJECT.name in looked and not is_said
+        begin = "No crash. " if is_known and not failed and not ending else ""
         if false is not None:
             begin = f"No crash: {_phrase(false)}. "
         return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"

@@ -168,6 +168,21 @@ def test_a_crash_check_without_a_crash_is_false():
     assert Kind.AUTOPILOT_CRASH_CHECK not in kinds(crashed)
 
 
+@pytest.mark.parametrize(("begins", "then", "lies"), [(0, 1, True), (0, 0, False), (1, 1, False)])
+def test_a_vehicle_that_tips_over_as_the_log_begins_may_have_crashed_before(begins, then, lies):
+    """Upright, or on its back; a board may be mounted so."""
+    rests = GRAVITY_M_S2 * np.array([[0.0, 0.0, -1.0], [0.0, 0.2, 0.98]])
+    flown = multirotor(faults=(ReportedFault(8.0, "crash_check", 1, "crash detected"),))
+    uneven = flown.context._replace(motors=motors((60.0, -20.0, -20.0, -20.0)))
+    flown = flown._replace(context=uneven)
+    first = flown.context.imus[0]
+    f_b = np.where((first.t_s < 5.0)[:, None], rests[begins], rests[then])
+    f_b[first.t_s > 10.0] = first.f_b[first.t_s > 10.0]
+    flown = with_imu(flown, f_b=f_b)
+    assert (Kind.AUTOPILOT_CRASH_CHECK in kinds(flown)) != lies
+    assert said_of(flown).startswith("No crash") != lies
+
+
 # --- motors and control -------------------------------------------------------------------------
 
 
