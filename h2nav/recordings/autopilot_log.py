@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import (
+    NO_ARMING,
     Array,
     AttitudeTrack,
     ChangedSetting,
@@ -436,7 +437,7 @@ def completed(
     missing = {
         "no row of the log has a time": not log.clock.end_us,
         "no autopilot's attitude to compare with": not context.attitudes,
-        "no word of when the motors were armed": armed is None,
+        NO_ARMING: armed is None,
         **lacks,
     }
     return context._replace(

@@ -14,6 +14,8 @@ from h2nav.integrity.findings import Severity
 
 # float64, except for sensor values, which keep the precision of the log.
 Array = NDArray[np.floating[Any]]
+# In `Context.missing`: `Context.armed` is then the whole recording.
+NO_ARMING = "no word of when the motors were armed"
 
 
 class Span(NamedTuple):

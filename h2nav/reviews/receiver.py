@@ -10,7 +10,7 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, EARTH_RADIUS_M, GRAVITY_M_S2
-from h2nav.recordings.context import Array, Context, GpsTrack, ImuTrack
+from h2nav.recordings.context import NO_ARMING, Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import (
     Attitudes,
     Mask,
@@ -397,10 +397,13 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
     usual_s = float(np.quantile(np.diff(gps.t_s), USUAL_SHARE)) if len(gps.t_s) > 1 else 0.0
     if len(gps.t_s) and not gps.has_fix.any() and context.armed:
         found.append(_never(sensor, gps, context))
+    # Where nothing tells when it was armed, it may have waited for its first fix.
+    waits = gps.has_fix if NO_ARMING in context.missing else np.ones(len(gps.t_s), dtype=bool)
+    first_s = float(gps.t_s[waits][0]) if waits.any() else math.inf
     for span in context.armed:
         inside = (gps.t_s >= span.from_s) & (gps.t_s <= span.to_s)
         # Before its first report it was not recorded.
-        begin = max(span.from_s, float(gps.t_s[0])) if len(gps.t_s) else span.from_s
+        begin = max(span.from_s, first_s)
         good = np.concatenate(([begin], gps.t_s[inside & gps.has_fix], [span.to_s]))
         if not (had_fix & inside).any():
             continue

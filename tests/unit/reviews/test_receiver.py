@@ -9,7 +9,7 @@ from reviewed_flights import DURATION_S, GPS_HZ, flight, gps_track, with_gps
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, EARTH_RADIUS_M
-from h2nav.recordings.context import Context, GpsTrack, Series, Span
+from h2nav.recordings.context import NO_ARMING, Context, GpsTrack, Series, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.inertial import exponential
@@ -195,6 +195,15 @@ def test_before_the_first_fix_and_on_the_ground_nothing_is_lost():
     flown = flight("rest", armed=())
     gps = flown.context.gps[0]
     assert not found(with_gps(flown, has_fix=gps.t_s > 30.0))
+
+
+@pytest.mark.parametrize("missing", [(), (NO_ARMING,)])
+def test_where_arming_is_unknown_the_first_fix_may_have_been_waited_for(missing):
+    flown = flight(armed=(Span(0.0, DURATION_S, "armed"),), missing=missing)
+    gps = flown.context.gps[0]
+    lost = with_gps(flown, has_fix=(gps.t_s > 30.0) & ~((gps.t_s > 60.0) & (gps.t_s < 70.0)))
+    begins = [one.from_s for one in found(lost) if one.kind is Kind.GPS_LOST]
+    assert begins == pytest.approx([60.0] if missing else [0.0, 60.0])
 
 
 def test_few_satellites_and_a_doubtful_velocity_are_told():
