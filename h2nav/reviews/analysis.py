@@ -63,7 +63,7 @@ class Analysis(NamedTuple):
     # what is remembered of the flight, and what in it left the airframe's own past
     row: FlightRow = FlightRow("", "", math.nan, {})
     trends: tuple[Departure, ...] = ()
-    ends_aloft: bool = False  # the log ends in flight, as far as an IMU tells
+    ending: parts.Ending = parts.Ending(is_aloft=False, is_moving=False)  # as far as an IMU tells
     looked_at: tuple[str, ...] = ()  # subjects that had what they need
     # the others: name and reason
     blind: tuple[tuple[str, str], ...] = ()
@@ -82,7 +82,7 @@ def analyse(flight: Flight) -> Analysis:
         timings=tuple(timing_ for timing_, _ in evidence.of(timing.timings)),
         row=evidence.of(flight_row),
         trends=evidence.of(past.trends),
-        ends_aloft=evidence.of(parts.ends_aloft),
+        ending=evidence.of(parts.ending),
         looked_at=tuple(subject.name for subject in told if not lacks[subject]),
         blind=tuple((subject.name, lacks[subject]) for subject in told if lacks[subject]),
     )

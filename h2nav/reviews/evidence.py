@@ -1,5 +1,7 @@
 """The evidence that several subjects share, each part a function of those below it."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
@@ -11,7 +13,18 @@ from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import judged
 from h2nav.reviews.falls import until_down
 from h2nav.reviews.force_steps import detect_force_steps
-from h2nav.reviews.impacts import BIN_S, Bins, Impact, binned, impacts, in_flight, with_contacts
+from h2nav.reviews.impacts import (
+    BIN_S,
+    HIGH_M,
+    MIN_HEIGHTS,
+    Bins,
+    Impact,
+    binned,
+    high_above,
+    impacts,
+    in_flight,
+    with_contacts,
+)
 from h2nav.reviews.inertial import STEADY_HZ, Attitudes, Mask, best_attitude, slowed
 from h2nav.reviews.motors import detect_motors
 from h2nav.reviews.receiver import delay_of, moves_of
@@ -32,11 +45,11 @@ FLOWN_S = 2.0
 # What is carried by thrust is so unevenly: one percent of gravity; on a bench the force is steady.
 CARRIED_M_S2 = 0.1
 # On the ground a barometer varies by this much with noise and the wash of propellers.
-LIFTED_M, MIN_HEIGHTS = 1.5, 10
+LIFTED_M = 1.5
 # Within this time, in which a barometer that warms up drifts by tenths (MS5611: .5 m in minutes).
 LIFTED_WITHIN_S = 60.0
-# A log ends in flight if it moves as nothing on the ground does, this long before.
-ENDS_S, HIGH_M = 1.0, 3.0
+# A log ends in flight if it moves as nothing on the ground does, this long before, throughout.
+ENDS_S, ENDS_SHARE = 1.0, 0.85
 # Filters smear an impact over the values just before it.
 JUST_BEFORE_S = 0.3
 
@@ -185,6 +198,14 @@ def flown(evidence: FlightEvidence) -> bool:
     return bool(high - low > CARRIED_M_S2)
 
 
+def rose(evidence: FlightEvidence) -> bool:
+    """Whether two heights show that it flew, however still it kept."""
+    found = evidence.of(bins)
+    if found is None:
+        return False
+    return float(high_above(evidence.of(recorded), found.t_s).sum()) * BIN_S >= FLOWN_S
+
+
 def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
     """Armed spans without those that began on the ground and stayed there.
 
@@ -222,20 +243,30 @@ def _stays(height: Series, span: Span) -> bool:
     return True
 
 
-def ends_aloft(evidence: FlightEvidence) -> bool:
+class Ending(NamedTuple):
+    """How the log ends."""
+
+    is_aloft: bool  # it still flies
+    is_moving: bool  # its last second moves throughout
+
+
+def ending(evidence: FlightEvidence) -> Ending:
     """Whether it still flies when the log ends.
 
     It moves as nothing on the ground does, or two heights say so: in calm air it keeps still.
     """
     found, context = evidence.of(bins), evidence.of(recorded)
-    if found is None or not len(found.t_s):
-        return False
-    last = found.t_s > evidence.flight.context.duration_s - ENDS_S
+    last = np.zeros(0, dtype=bool)
+    if found is not None:
+        last = found.t_s > evidence.flight.context.duration_s - ENDS_S
+    if found is None or not last.any() or not np.median(found.driven[last]) > found.flying:
+        return Ending(is_aloft=False, is_moving=False)
     flies = in_flight(found, context, ())[last]
     spans = evidence.of(lifted)
     is_off = bool(spans) and spans[-1].to_s >= found.t_s[-1] - ENDS_S
     heights = (context.baro_height_m, context.height_m)
-    return is_off and (bool(flies.any()) or all(map(_ends_high, heights)))
+    is_aloft = is_off and (bool(flies.any()) or all(map(_ends_high, heights)))
+    return Ending(is_aloft, is_aloft and float(flies.mean()) > ENDS_SHARE)
 
 
 def _ends_high(height: Series | None) -> bool:

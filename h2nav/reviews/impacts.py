@@ -62,6 +62,8 @@ SAME_S = 2.0
 CHECKED_S, CRASH_CHECK = 15.0, re.compile(r"crash", re.IGNORECASE)
 # Output left when it is disarmed.
 AFTER_S = 3.0
+# No barometer that warms up, and no wash of propellers, shows as much.
+HIGH_M, MIN_HEIGHTS = 3.0, 10
 
 
 class Impact(NamedTuple):
@@ -196,7 +198,7 @@ def binned(track: ImuTrack, context: Context) -> Bins:
     rate = np.linalg.norm(track.w_b, axis=1)[: place[-1]]
     t_s = edges[:-1][is_filled]
     driven = driven_at(context, t_s)
-    usual = _usual(driven, _reported_airborne(context, t_s))
+    usual = _usual(driven, _reported_airborne(context, t_s), high_above(context, t_s))
     return Bins(
         t_s,
         both[:, :3],
@@ -219,8 +221,28 @@ def _reported_airborne(context: Context, t_s: Array) -> Mask | None:
     return airborne
 
 
-def _usual(driven: Array, airborne: Mask | None) -> float:
-    """The usual output in flight."""
+def high_above(context: Context, t_s: Array) -> Mask:
+    """(N,) whether two heights show a multirotor metres above where each began."""
+    high = np.full(len(t_s), context.vehicle_type in MULTIROTORS)
+    for height in (context.baro_height_m, context.height_m):
+        known = None if height is None else np.isfinite(height.values)
+        if height is None or known is None or known.sum() < MIN_HEIGHTS:
+            return np.zeros(len(t_s), dtype=bool)
+        values = height.values[known]
+        high &= np.interp(t_s, height.t_s[known], values) - np.median(values[:MIN_HEIGHTS]) > HIGH_M
+    return high
+
+
+def _usual(driven: Array, airborne: Mask | None, high: Mask) -> float:
+    """The usual output in flight.
+
+    Args:
+        driven: (N,) outputs.
+        airborne: (N,) as the autopilot reports it.
+        high: (N,) as heights show it.
+    """
+    if airborne is None and high.sum() * BIN_S >= FLOWN_FOR_S:
+        airborne = high
     flown = (
         driven[airborne & (driven > 0.0)] if airborne is not None else driven[driven > FLYING_SHARE]
     )

@@ -12,10 +12,10 @@ from h2nav.recordings.context import Context
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.declared import Trait
-from h2nav.reviews.evidence import HIGH_M
+from h2nav.reviews.evidence import Ending
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.heights import HEIGHT_LOST
-from h2nav.reviews.impacts import FLYING_SHARE, LYING_RAD, crash_checks, driven_at
+from h2nav.reviews.impacts import HIGH_M, LYING_RAD, MIN_HEIGHTS, crash_checks
 from h2nav.reviews.motors import LIMIT_SHARE
 from h2nav.reviews.subjects import KINDS, impacts
 from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
@@ -40,7 +40,7 @@ ON_THE_GROUND = (
     mavlink.MAV_TYPE_SURFACE_BOAT,
     mavlink.MAV_TYPE_SUBMARINE,
 )
-HEIGHT_S, SINKS_M_S, MIN_HEIGHTS = 1.0, 2.0, 10
+HEIGHT_S, SINKS_M_S = 1.0, 2.0
 # A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
 # A slower touchdown is no part of the sentence.
@@ -87,7 +87,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     elif lost:
         text = _lost(flight.context, lost[0], of_vehicle)
     else:
-        ending = _ending(flight.context) if analysis.ends_aloft else ""
+        ending = _ending(flight.context, analysis.ending)
         is_said = bool(crash_checks(flight.context))
         text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing), is_said=is_said)
     receivers = [gps for gps in flight.context.gps if len(gps.t_s)]
@@ -315,18 +315,24 @@ def _lacking(one: Finding, found: list[Finding]) -> str:
     return ", then thrust was lacking" if is_so else ""
 
 
-def _ending(context: Context) -> str:
+def _ending(context: Context, ends: Ending) -> str:
     """Whether the log ends in the air; empty if not or unknown."""
-    height = context.baro_height_m or context.height_m
-    flies = context.vehicle_type not in ON_THE_GROUND
-    if not flies or height is None or not context.armed or len(height.t_s) < MIN_HEIGHTS:
-        return ""
     end_s = context.duration_s
+    flies = context.vehicle_type not in ON_THE_GROUND
+    if not flies or not context.armed or not context.armed[-1].to_s > end_s - HEIGHT_S:
+        return ""
+    said = _high(context, end_s) if ends.is_aloft else ""
+    return said or (" The log ends in flight." if ends.is_moving else "")
+
+
+def _high(context: Context, end_s: float) -> str:
+    """How high it ends, if that is metres."""
+    height = context.baro_height_m or context.height_m
+    if height is None or len(height.t_s) < MIN_HEIGHTS:
+        return ""
     last = height.values[height.t_s > end_s - HEIGHT_S]
     before = height.values[(height.t_s > end_s - 2.0 * HEIGHT_S) & (height.t_s <= end_s - HEIGHT_S)]
-    driven = driven_at(context, np.array([end_s]))[0]
-    ends_armed = context.armed[-1].to_s > end_s - HEIGHT_S
-    if not ends_armed or not len(last) or not len(before) or not driven > FLYING_SHARE:
+    if not len(last) or not len(before):
         return ""
     above_m = float(np.median(last)) - float(np.median(height.values[:MIN_HEIGHTS]))
     sinking = float(np.median(before) - np.median(last)) / HEIGHT_S

@@ -32,7 +32,9 @@ def flight(evidence: FlightEvidence) -> str:
     """Motors that carried it."""
     if why := armed(evidence):
         return why
-    return "" if evidence.of(parts.flown) else "it did not fly"
+    if evidence.of(parts.flown):
+        return ""
+    return "it hardly moved in the air" if evidence.of(parts.rose) else "it did not fly"
 
 
 def hovers(evidence: FlightEvidence) -> str:

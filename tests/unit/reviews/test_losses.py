@@ -31,9 +31,9 @@ def fallen(speed_m_s, stop_s=0.1, since_s=AT_S):
 
 
 def outputs(shares):
-    """Motors at shares of their range, from a time on, at 50 % before."""
+    """Motors at shares of their range, from a time on, at 50 % before; stopped in the end."""
     pwm_us = np.full((len(T_S), 4), 1500.0)
-    for since_s, row in shares:
+    for since_s, row in (*shares, (DURATION_S - 2.0, (0.0,) * 4)):
         pwm_us[since_s <= T_S] = 1000.0 + 1000.0 * np.array(row)
     return Motors((1, 2, 3, 4), T_S, pwm_us, 1000.0, 2000.0)
 

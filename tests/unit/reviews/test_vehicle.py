@@ -375,7 +375,7 @@ def test_the_battery_is_told_by_number_by_text_and_by_its_voltage():
 
 
 def test_nothing_wrong_names_what_was_and_was_not_looked_at():
-    text = said_of(flight())
+    text = said_of(flight(armed=(Span(3.0, DURATION_S - 2.0, "armed"),)))
     assert text.startswith(
         "Nothing was found wrong in what could be looked at. Looked at: crash and landing"
     )
@@ -400,7 +400,7 @@ def test_what_our_own_attitude_says_of_itself_is_no_fault_of_the_vehicle():
     links = chain(flown, Analysis())
     assert links.own == {own.id}
     assert links.findings[0].severity is Severity.NOTICE
-    assert said_of(flown).startswith("Nothing was found wrong")
+    assert "Nothing was found wrong" in said_of(flown)
 
 
 def test_what_follows_an_impact_folds_under_it():
@@ -431,6 +431,41 @@ def test_a_log_that_ends_in_the_air_says_so():
     assert "ends in the air" not in said_of(lying)
 
 
+def test_a_log_that_ends_in_flight_low_above_its_beginning_had_no_crash_that_it_knows_of():
+    height = Series(T_S, 1.5 * np.sin(0.2 * T_S))
+    flown = multirotor(baro_height_m=height)
+    uneven = flown.context._replace(motors=motors((60.0, -20.0, -20.0, -20.0)))
+    text = said_of(flown._replace(context=uneven))
+    assert "The log ends in flight." in text
+    assert "No crash" not in text
+    stopped = motors((60.0, -20.0, -20.0, -20.0))
+    stopped.pwm_us[T_S > DURATION_S - 2.0] = 1000.0
+    landed = said_of(flown._replace(context=uneven._replace(motors=stopped)))
+    assert landed.startswith("No crash.")
+    assert "ends in" not in landed
+
+
+def test_what_hovers_too_calmly_to_be_judged_flew():
+    height = Series(T_S, np.clip(T_S - 5.0, 0.0, 8.0))
+    flown = multirotor(baro_height_m=height, height_m=height)
+    first = flown.context.imus[0]
+    still = first._replace(w_b=0.0 * first.w_b, f_b=0.0 * first.f_b + [0.0, 0.0, -9.81])
+    text = said_of(flown._replace(context=flown.context._replace(imus=(still,))))
+    assert "motors (it hardly moved in the air)" in text
+    assert "did not fly" not in text
+
+
+@pytest.mark.parametrize("climbs", [True, False])
+def test_a_vehicle_that_hovers_at_little_throttle_flew_where_heights_show_it(climbs):
+    """Nothing was recorded of when it was in the air."""
+    height = Series(T_S, np.clip(T_S - 5.0, 0.0, 8.0 if climbs else 0.0))
+    flown = tipped(multirotor(baro_height_m=height, height_m=height), 60.0)
+    weak = motors()
+    weak = weak._replace(pwm_us=1000.0 + 0.25 * (weak.pwm_us - 1000.0))
+    flown = flown._replace(context=flown.context._replace(motors=weak))
+    assert (Kind.CRASH in kinds(flown)) == climbs
+
+
 @pytest.mark.parametrize(("shaken_m_s2", "is_told"), [(0.0, False), (1.0, True)])
 def test_a_bench_that_is_touched_does_not_fly(shaken_m_s2, is_told):
     flown = multirotor()
@@ -455,6 +490,7 @@ def test_that_there_was_no_crash_is_said_where_one_was_looked_for(every, is_said
     flown = multirotor()
     seldom = select_rows(flown.context.imus[0], slice(None, None, every))
     uneven = motors((60.0, -20.0, -20.0, -20.0))
+    uneven.pwm_us[T_S > DURATION_S - 2.0] = 1000.0
     context = flown.context._replace(imus=(seldom,), gps=(), motors=uneven)
     text = said_of(flown._replace(context=context))
     assert text.startswith("No crash. Motor 1 works" if is_said else "Motor 1 works")
