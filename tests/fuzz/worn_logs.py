@@ -241,7 +241,7 @@ def _disordered(dice: random.Random, rows: list[Row]) -> list[Row]:
 def _once_a_second(dice: random.Random, rows: list[Row]) -> list[Row]:
     part, last, kept = _stretch(dice, rows), dict[str, float](), []
     for row in rows[part]:
-        t_s = _time(row)
+        t_s = time_of(row)
         if t_s is None or abs(t_s - last.get(row.kind, -1e9)) >= 1.0:
             kept.append(row)
             last[row.kind] = t_s or 0.0
@@ -255,7 +255,7 @@ def _stuck(dice: random.Random, rows: list[Row]) -> list[Row]:
         if row.kind in kinds and row.time is not None:
             held = first.setdefault(row.kind, row)
             if len(held.data) == len(row.data):
-                changed[place] = _at(held, _time(row) or 0.0)
+                changed[place] = _at(held, time_of(row) or 0.0)
     return changed
 
 
@@ -291,7 +291,7 @@ def _leap(dice: random.Random, rows: list[Row]) -> list[Row]:
     part, leap_s = _stretch(dice, rows), dice.choice(LEAPS_S)
     kinds = _kinds(dice, rows) if dice.random() < 0.5 else {row.kind for row in rows}
     return [
-        _at(row, (_time(row) or 0.0) + leap_s)
+        _at(row, (time_of(row) or 0.0) + leap_s)
         if place >= part.start and row.kind in kinds and row.time is not None
         else row
         for place, row in enumerate(rows)
@@ -302,9 +302,9 @@ def _other_pace(dice: random.Random, rows: list[Row]) -> list[Row]:
     """The clock runs quicker or slower, backward, or not at all."""
     pace = dice.choice((0.0, 0.5, 1.01, 3.0, -1.0))
     kinds = _kinds(dice, rows) if dice.random() < 0.5 else {row.kind for row in rows}
-    begun = next((t_s for row in rows if (t_s := _time(row)) is not None), 0.0)
+    begun = next((t_s for row in rows if (t_s := time_of(row)) is not None), 0.0)
     return [
-        _at(row, begun + pace * ((_time(row) or 0.0) - begun))
+        _at(row, begun + pace * ((time_of(row) or 0.0) - begun))
         if row.kind in kinds and row.time is not None
         else row
         for row in rows
@@ -327,7 +327,7 @@ CHANGES: tuple[Change, ...] = (
 )
 
 
-def _time(row: Row) -> float | None:
+def time_of(row: Row) -> float | None:
     if row.time is None or len(row.data) < row.time[0] + struct.calcsize(row.time[1]):
         return None
     return float(struct.unpack_from(row.time[1], row.data, row.time[0])[0]) * row.unit_s
@@ -335,7 +335,7 @@ def _time(row: Row) -> float | None:
 
 def _at(row: Row, t_s: float) -> Row:
     """The row at another time; a counter begins anew at its end."""
-    if row.time is None or _time(row) is None:
+    if row.time is None or time_of(row) is None:
         return row
     place, form = row.time
     data, most = bytearray(row.data), 1 << (8 * struct.calcsize(form))
