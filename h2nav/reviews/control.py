@@ -13,7 +13,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, AttitudeTrack, Context, Series
 from h2nav.recordings.rotations import roll_pitch_heading
-from h2nav.reviews.impacts import TURNED_RAD, Bins, Impact, in_flight
+from h2nav.reviews.impacts import TURNED_RAD, TURNED_WITHIN_S, Bins, Impact, in_flight
 from h2nav.reviews.inertial import Mask, runs
 
 GRID_S = 0.1
@@ -53,7 +53,8 @@ def detect_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> l
     found = []
     for impact in impacts:
         lost = _before(errors, bins, impact) if errors is not None else None
-        if lost is None and impact.turned_rad > TURNED_RAD:
+        held = errors is not None and _held(errors, impact)
+        if lost is None and impact.turned_rad > TURNED_RAD and not held:
             lost = _turned_over(impact)
         found += [] if lost is None else [lost]
     if errors is not None and context.motors is not None:
@@ -129,6 +130,13 @@ def _before(errors: ControlErrors, bins: Bins, impact: Impact) -> Finding | None
     return _finding(errors, first, last)
 
 
+def _held(errors: ControlErrors, impact: Impact) -> bool:
+    """Whether the attitude kept to its demand until then: seldom samples turn what shakes."""
+    before = (errors.t_s > impact.t_s - TURNED_WITHIN_S) & (errors.t_s < impact.t_s)
+    kept = errors.size_rad[before & errors.flies] < LEFT_RAD
+    return bool(kept.any() and kept.all())
+
+
 def _turning_since(off: Mask, rate: Array) -> Mask:
     """(N,) the parts of each run from the start of the turn."""
     found = np.zeros(len(off), dtype=bool)
@@ -185,7 +193,7 @@ def _finding(errors: ControlErrors, first: int, last: int) -> Finding:
 
 
 def _turned_over(impact: Impact) -> Finding:
-    """By the gyro alone, if no demand was recorded."""
+    """By the gyro alone, where no attitude was asked for."""
     return Finding(
         Kind.LOSS_OF_CONTROL,
         Sensor(SensorKind.VEHICLE),

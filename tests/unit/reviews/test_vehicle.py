@@ -24,8 +24,10 @@ from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.causes import first_causes
 from h2nav.reviews.chain import chain
 from h2nav.reviews.compass_motors import strength_by_throttle
+from h2nav.reviews.control import detect_control
 from h2nav.reviews.estimators import judged
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.impacts import Impact, binned
 from h2nav.reviews.inertial import attitudes
 from h2nav.reviews.standstill import NEVER
 from h2nav.reviews.verdict import verdict
@@ -181,6 +183,16 @@ def test_a_vehicle_that_tips_over_as_the_log_begins_may_have_crashed_before(begi
     flown = with_imu(flown, f_b=f_b)
     assert (Kind.AUTOPILOT_CRASH_CHECK in kinds(flown)) != lies
     assert said_of(flown).startswith("No crash") != lies
+
+
+@pytest.mark.parametrize("is_asked", [True, False])
+def test_what_kept_to_its_demand_until_the_blow_was_not_lost(is_asked):
+    """However far the gyro turned, by samples that are too seldom for what shook it."""
+    context = multirotor().context._replace(**({} if is_asked else {"demand": None}))
+    impact = Impact(60.0, 61.0, 20.0, 9.0, np.nan, 2.0, 58.5, is_crash=True)
+    lost = detect_control(binned(context.imus[0], context), context, [impact])
+    said = [] if is_asked else ["it turned over by 115 deg"]
+    assert [one.text for one in lost] == said
 
 
 # --- motors and control -------------------------------------------------------------------------
