@@ -227,7 +227,7 @@ def _begins_aloft(found: Bins, span: Span) -> bool:
     if not len(found.t_s) or span.from_s > found.t_s[0] + FLOWN_S:
         return False
     first = (found.t_s >= span.from_s) & (found.t_s < span.from_s + FLOWN_S)
-    return not np.median(found.driven[first]) <= found.flying
+    return bool(first.any()) and not np.median(found.driven[first]) <= found.flying
 
 
 def _stays(height: Series, span: Span) -> bool:

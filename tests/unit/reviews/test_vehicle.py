@@ -25,7 +25,9 @@ from h2nav.reviews.causes import first_causes
 from h2nav.reviews.chain import chain
 from h2nav.reviews.compass_motors import strength_by_throttle
 from h2nav.reviews.control import detect_control
+from h2nav.reviews.declared import FlightEvidence
 from h2nav.reviews.estimators import judged
+from h2nav.reviews.evidence import lifted
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.impacts import Impact, binned
 from h2nav.reviews.inertial import attitudes
@@ -455,6 +457,16 @@ def test_a_log_that_ends_in_flight_low_above_its_beginning_had_no_crash_that_it_
     landed = said_of(flown._replace(context=uneven._replace(motors=stopped)))
     assert landed.startswith("No crash.")
     assert "ends in" not in landed
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_span_without_samples_as_it_begins_does_not_begin_in_the_air():
+    height = Series(T_S, 0.1 * np.sin(T_S))
+    flown = multirotor(baro_height_m=height, armed=(Span(1.5, 20.0, "armed"),))
+    first = flown.context.imus[0]
+    paused = select_rows(first, (first.t_s < 1.0) | (first.t_s > 4.0))
+    flown = flown._replace(context=flown.context._replace(imus=(paused,)))
+    assert lifted(FlightEvidence(flown)) == ()
 
 
 def test_what_hovers_too_calmly_to_be_judged_flew():
