@@ -85,6 +85,31 @@ def test_bad_gains_are_refused_by_key(key: str, value: object, says: str) -> Non
         sensor_gains(parse_gain_file(bad, "a.yaml"), "a.yaml")
 
 
+@pytest.mark.parametrize(
+    ("key", "low", "high"),
+    [
+        ("gyro_noise_rad_s_rthz", 1e-9, 1.0),
+        ("gyro_bias_walk_rad_s_rts", 0.0, 1.0),
+        ("accelerometer_noise_m_s2_rthz", 1e-7, 100.0),
+        ("magnetometer_noise_ut_rthz", 1e-6, 1000.0),
+        ("gravity_m_s2", 9.7, 9.9),
+        ("field_norm_ut", 1.0, 200.0),
+        ("field_dip_deg", -89.9, 89.9),
+    ],
+)
+def test_the_range_of_a_number_is_inclusive(key: str, low: float, high: float) -> None:
+    def read(value: float) -> None:
+        changed = document()
+        changed["gains"] = changed["gains"] | {key: value}
+        sensor_gains(parse_gain_file(changed, "a.yaml"), "a.yaml")
+
+    for end in (low, high):
+        read(end)
+    for beyond in (low - 1e-3 * (high - low), high + 1e-3 * (high - low)):
+        with pytest.raises(BadInput, match=f"{key}: expected a number from"):
+            read(beyond)
+
+
 @pytest.mark.parametrize("missing", list(document()))
 def test_every_key_of_the_envelope_is_needed(missing: str) -> None:
     short = document()

@@ -273,6 +273,8 @@ def test_draws_fill_their_ranges(shipped):
         ("    gyro-zero:", "    gyro-nil:", "faults.kinds.gyro-nil: no such fault"),
         ("count: {choice: [0, 0,", "count: {choice: [7, 0,", "faults.count: expected choices"),
         ("link:", "lnk:", "lnk: unknown key; did you mean link?"),
+        ("faults:", "faults: []\nflights:", "faults: expected count, length_s and kinds"),
+        ("  kinds:", "  kinds: 3\n  others:", "faults: expected count, length_s and kinds"),
     ],
 )
 def test_errors_of_a_distribution_name_file_key_and_remedy(old, new, said, tmp_path):

@@ -25,6 +25,9 @@ class Sample(NamedTuple):
         gyro_x_rad_s: angular rate
             about the body's axis.
         label: a text.
+
+    Notes:
+        good: of another section.
     """
 
     t_ns: int
@@ -69,6 +72,8 @@ def test_the_schema_types_and_describes_each_field() -> None:
         "description": "angular rate about the body's axis. [rad/s]",
     }
     assert fields["gyro_y_rad_s"]["description"] == fields["gyro_x_rad_s"]["description"]
+    assert fields["label"]["description"] == "a text."
+    assert "another section" not in str(schema)
     assert fields["t_ns"]["properties"].keys() == {"sec", "nsec"}
     kinds = {name: field["type"] for name, field in fields.items()}
     assert kinds["label"] == "string"

@@ -93,6 +93,36 @@ def test_names_file_and_key_of_an_error(
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "is_read"), [(0.99, False), (1.0, True), (100_000.0, True), (100_001.0, False)]
+)
+def test_the_range_of_rates_is_inclusive(tmp_path: Path, rate_hz: float, is_read: bool) -> None:
+    path = write(tmp_path, fs=np.array(rate_hz))
+    if is_read:
+        assert read_trial(path).rate_hz == rate_hz
+    else:
+        with pytest.raises(BadInput, match="from 1 to 100000 Hz"):
+            read_trial(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("heading_fixed", np.array([True, False]), "heading_fixed: expected one truth value"),
+        ("gps", np.zeros((2, 3)), "gps: expected an array of shape (M, 4), found (2, 3)"),
+        ("t", np.arange(20.0) * 1e-7, "t: expected finite times"),
+        ("t", np.append(np.arange(19.0), np.nan), "t: expected finite times"),
+    ],
+)
+def test_what_is_expected_is_told(
+    tmp_path: Path, key: str, value: np.ndarray, expected: str
+) -> None:
+    path = write(tmp_path, **{key: value})
+    with pytest.raises(BadInput) as caught:
+        read_trial(path)
+    assert any(line.startswith(f"{path}: {expected}") for line in caught.value.lines)
+
+
 @pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 and then nothing"])
 def test_a_file_that_is_no_archive(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "broken.npz"

@@ -6,7 +6,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.service.imu_choice import LaneMessages
-from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID
+from h2nav.service.imu_identity import (
+    ANYONES_ID,
+    FIRST_ID,
+    PERIOD_NS,
+    ImuIdentity,
+    Shown,
+)
 from h2nav.service.intake import Incoming, Intake, Need
 from h2nav.wire.imu import ImuReading
 
@@ -58,3 +64,53 @@ def test_once_both_agree_again_the_finer_one_is_used_again(first_every):
     used, _ = messages_in_use(300, 900, until=500, first_every=first_every)
     assert used[499] == FIRST_ID
     assert set(used[650:]) == {ANYONES_ID}
+
+
+MIN_AGREED, MIN_APART = 10, 3
+MINE = ImuReading(1, (0.01, 0.02, 0.03), (0.1, 0.2, -9.8), None, clipped=False)
+OTHER = MINE._replace(w_b=(0.5, 0.02, 0.03), f_b=(2.0, 0.2, -9.8))
+
+
+def shown_by(identity, newest, number, apart_us=0):
+    """What the `number`-th pair of readings shows, whose newest one is of HIGHRES_IMU."""
+    time_us = 100_000 * (number + 1)
+    identity.take(0, FIRST_ID, MINE._replace(time=time_us), is_sample=False)
+    reading = newest._replace(time=time_us + apart_us)
+    return identity.take(0, ANYONES_ID, reading, is_sample=True)
+
+
+@pytest.mark.parametrize("agreed", range(MIN_AGREED + 3))
+def test_so_many_have_to_agree_and_so_many_to_differ(agreed):
+    identity = ImuIdentity()
+    before = [shown_by(identity, MINE, number) for number in range(agreed)]
+    assert before == [
+        Shown.FIRST if number >= MIN_AGREED - 1 else Shown.UNDECIDED for number in range(agreed)
+    ]
+    after = [shown_by(identity, OTHER, agreed + number) for number in range(MIN_APART + 2)]
+    is_told = agreed >= MIN_AGREED
+    assert after == [
+        Shown.ANOTHER if is_told and number >= MIN_APART - 1 else Shown.UNDECIDED
+        for number in range(MIN_APART + 2)
+    ]
+
+
+def test_one_that_names_another_imu_agrees_with_none():
+    identity = ImuIdentity()
+    for number in range(MIN_AGREED):
+        shown_by(identity, MINE._replace(imu=0), number)
+    told = [shown_by(identity, MINE._replace(imu=1), 50 + number) for number in range(MIN_APART)]
+    assert told[-1] is Shown.ANOTHER
+
+
+def test_readings_of_different_times_say_nothing():
+    identity = ImuIdentity()
+    for number in range(2 * MIN_AGREED):
+        assert shown_by(identity, MINE, number, apart_us=50_000) is Shown.UNDECIDED
+
+
+def test_only_what_is_looked_at_for_this_sets_the_next_look():
+    identity = ImuIdentity()
+    identity.take(7, ANYONES_ID, MINE, is_sample=True)
+    assert identity.next_ns == 0
+    identity.take(7, FIRST_ID, MINE, is_sample=False)
+    assert identity.next_ns == 7 + PERIOD_NS
