@@ -100,14 +100,23 @@ def test_a_file_whose_first_and_last_rows_have_no_time_grows_evenly() -> None:
     found = clock.extended(0, 60_000)
     assert (found.start_us, found.end_us) == (58_000_000, 70_000_000)
     assert found.at(np.array([10_001])).tolist() == [60_000_000]
+    # a row a second: 5000 bytes
+    assert found.at(np.array([1, 4_999, 5_001, 10_001])).tolist() == [
+        58_000_000, 58_000_000, 59_000_000, 60_000_000,
+    ]  # fmt: skip
+    assert found.after(np.array([19_901, 24_901, 59_901])).tolist() == [
+        62_980_000, 63_980_000, 70_000_000,
+    ]  # fmt: skip
     assert clock.extended(-1_000_000, 20_000).start_us == 0
 
 
 def test_a_week_is_the_longest_of_flights() -> None:
     pause_us = LONGEST_PAUSE_US
     steps = LONGEST_US // pause_us
-    clock = clock_of([step * pause_us + extra for step in range(steps + 3) for extra in range(5)])
+    clock = clock_of([step * pause_us for step in range(steps + 3) for _ in range(5)])
     assert clock.end_us == LONGEST_US
+    apart = [step * (pause_us + 1) for step in range(3) for _ in range(5)]
+    assert clock_of(apart).longest_pause_s == 0.0
 
 
 @pytest.mark.parametrize(
@@ -117,6 +126,8 @@ def test_a_week_is_the_longest_of_flights() -> None:
         (range(30), True),
         ([row // MAX_AT_ONCE for row in range(10 * MAX_AT_ONCE)], False),
         ([row // (MAX_AT_ONCE - 1) for row in range(10 * MAX_AT_ONCE)], True),
+        ([7] * MAX_AT_ONCE + [8], True),
+        ([7] * (MAX_AT_ONCE + 1) + [8], False),
     ],
 )
 def test_a_clock_that_runs_is_told_from_one_that_is_not_set(t_us: list[int], runs: bool) -> None:
@@ -135,3 +146,30 @@ def test_a_clock_that_runs_is_told_from_one_that_is_not_set(t_us: list[int], run
 )
 def test_one_wrong_time_costs_one_row(t_us: list[int], kept: list[int]) -> None:
     assert np.array(t_us)[in_order(np.array(t_us))].tolist() == kept
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(t_us=st.lists(st.integers(0, 100), max_size=30))
+def test_what_is_kept_never_goes_back(t_us: list[int]) -> None:
+    kept = np.array(t_us)[in_order(np.array(t_us))]
+    assert (np.diff(kept) >= 0).all()
+    assert len(kept) > 0 or not t_us
+
+
+@pytest.mark.parametrize("wrong_us", [-1, 1 << 53])
+def test_a_time_that_no_clock_has_is_damage(wrong_us: int) -> None:
+    t_us = [wrong_us] * 3 + rows((1 << 53) - 60 * STEP_US, 50) + [wrong_us] * 3
+    clock = clock_of(t_us)
+    assert (clock.start_us, clock.end_us) == (t_us[3], t_us[-4])
+    latest = (1 << 53) - 1
+    assert clock_of([0, 1, 2, 3]).start_us == 0
+    assert clock_of([latest - 2, latest - 1, latest]).end_us == latest
+
+
+def test_within_a_second_times_follow_the_bytes_and_not_the_moments_of_writing() -> None:
+    """Rows are written in bursts: their times jitter."""
+    t_us = np.arange(0, 10_000_000, 100_000)
+    places = 100 * np.arange(len(t_us)) + 40 * (np.arange(len(t_us)) % 10 == 5)
+    clock = LogClock(places, t_us)
+    where = np.arange(0, 9_000, 50)
+    np.testing.assert_array_equal(clock.between(where), where * 1_000)
