@@ -1,5 +1,6 @@
 """From what was heard to a configuration that the daemon starts with."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -142,6 +143,61 @@ def test_bytes_without_frames_are_told_from_silence(
     said = capsys.readouterr()
     assert "5000 bytes, but no MAVLink at 57600, 115200" in said.out
     assert "an unusual baud rate" in said.err
+
+
+REPORT = """\
+udpin:0.0.0.0:14550: MAVLink
+    ArduPilot quadrotor 1/1, firmware 4.5.7
+    streams: RAW_IMU 50 Hz
+serial:/dev/ttyUSB0:57600: MAVLink at 57600 baud
+    ArduPilot quadrotor 1/1, armed
+    streams: ATTITUDE 60 Hz, SCALED_IMU 30 Hz, RAW_IMU 20 Hz, GPS_RAW_INT 5 Hz, VFR_HUD 4 Hz, \
+GLOBAL_POSITION_INT 3 Hz and 2 more
+    57600 baud carries few IMU samples: set SERIALn_BAUD (ArduPilot) or SER_*_BAUD (PX4) to 921600 \
+unless this is a telemetry radio
+tcp:10.0.0.1:5760: MAVLink, but no autopilot's heartbeat
+/dev/ttyS0: 70 bytes, but no MAVLink at 115200, 921600 baud
+/dev/ttyS1: held by another program"""
+
+
+def test_every_place_is_told_with_what_is_there(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Other places of the network are silent, and only counted."""
+    usual = choice("udpin:0.0.0.0:14550")
+    slow = choice("serial:/dev/ttyUSB0:57600")
+    rates_hz = {27: 20.0, 30: 60.0, 26: 30.0, 24: 5.0, 0: 1.0, 1: 0.4, 74: 4.0, 33: 3.0, 147: 0.5}
+    heartbeat = ARDUPILOT._replace(is_armed=True)
+    speaker = slow.speaker._replace(firmware=None, rates_hz=rates_hz, heartbeat=heartbeat)
+
+    def at(name: str, *urls: str) -> LinkPlace:
+        return LinkPlace(name, urls or (name,))
+
+    hearings = [
+        usual.hearing,
+        slow.hearing._replace(speakers=(speaker,)),
+        Hearing(at("tcp:10.0.0.1:5760"), "tcp:10.0.0.1:5760", (), 3, 100, ""),
+        Hearing(
+            at("/dev/ttyS0", "serial:/dev/ttyS0:115200", "serial:/dev/ttyS0:921600"),
+            "",
+            (),
+            0,
+            70,
+            "",
+        ),
+        Hearing(
+            at("/dev/ttyS1", "serial:/dev/ttyS1:115200"), "", (), 0, 0, "held by another program"
+        ),
+        Hearing(at("tcp:10.0.0.2:5760"), "", (), 0, 0, "connection refused"),
+        Hearing(at("udpin:0.0.0.0:14540"), "", (), 0, 0, ""),
+    ]
+    monkeypatch.setattr(setup, "scan", lambda places, progress: hearings)
+    monkeypatch.setattr(setup, "listed_ports", list)
+    assert main(["setup"]) == SUCCESS
+    assert capsys.readouterr().out == f"no serial ports\n{REPORT}\n"
+    assert main(["setup", "--json"]) == SUCCESS
+    document = json.loads(capsys.readouterr().out)
+    assert len(document["places"]) == len(hearings)
 
 
 def test_the_unit_starts_the_program_that_set_it_up() -> None:
