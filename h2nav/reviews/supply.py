@@ -31,7 +31,7 @@ LIMIT_CELL_V = 3.5
 FULL_QUANTILE = 0.9
 CARRIES_SHARE, RESTS_SHARE, RISES_SHARE, MIN_ROWS = 0.35, 0.12, 0.02, 10
 # No vehicle moves this far between two values of a barometer in close succession.
-JUMP_M_S, JUMP_M, CLOSE_S = 60.0, 30.0, 0.5
+JUMP_M, CLOSE_S = 30.0, 0.5
 
 
 def _counts(context: Context, t_s: float) -> bool:
@@ -191,7 +191,7 @@ def _jumps(context: Context) -> tuple[float, float] | None:
     if series is None or len(series.t_s) < 2:
         return None
     step, gap_s = np.abs(np.diff(series.values)), np.diff(series.t_s)
-    leaps = (step > JUMP_M) & (gap_s < CLOSE_S) & (step > JUMP_M_S * gap_s)
+    leaps = (step > JUMP_M) & (gap_s < CLOSE_S)
     leaps &= within(series.t_s[1:], context.armed)
     if not leaps.any():
         return None
