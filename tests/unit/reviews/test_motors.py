@@ -10,7 +10,7 @@ from h2nav.reviews.motors import detect_motors, outputs_beyond_others
 
 T_S = np.arange(0.0, 60.0, BIN_S)
 FLIGHT = (Span(0.0, 60.0, ""),)
-LEAST_US, MOST_US, HOVER_US = 1000.0, 2000.0, 1500.0
+MIN_PWM_US, MAX_PWM_US, HOVER_US = 1000.0, 2000.0, 1500.0
 
 
 def bins(t_s=T_S):
@@ -25,7 +25,7 @@ def bins(t_s=T_S):
 def found_in(pwm_us, lifted=FLIGHT, numbers=(1, 2, 3, 4), **changes):
     """The findings of outputs (N, k), or of their constant values."""
     pwm_us = np.broadcast_to(np.asarray(pwm_us, dtype=float), (len(T_S), len(numbers)))
-    outputs = Motors(numbers, T_S, pwm_us, LEAST_US, MOST_US)
+    outputs = Motors(numbers, T_S, pwm_us, MIN_PWM_US, MAX_PWM_US)
     context = Context(motors=outputs, armed=FLIGHT, vehicle_type=2, **changes)
     return detect_motors(bins(), context, (), lifted)
 
@@ -110,7 +110,7 @@ def test_of_two_motors_none_is_uneven():
 
 
 def test_without_outputs_or_bins_nothing_is_found():
-    outputs = Motors((1, 2, 3, 4), T_S, np.full((len(T_S), 4), HOVER_US), LEAST_US, MOST_US)
+    outputs = Motors((1, 2, 3, 4), T_S, np.full((len(T_S), 4), HOVER_US), MIN_PWM_US, MAX_PWM_US)
     one_row = outputs._replace(t_s=T_S[:1], pwm_us=outputs.pwm_us[:1])
     for motors, made in ((None, bins()), (one_row, bins()), (outputs, bins(T_S[:0]))):
         context = Context(motors=motors, armed=FLIGHT)
@@ -124,7 +124,7 @@ def test_without_outputs_or_bins_nothing_is_found():
     assert beyond == pytest.approx({1: 40.0, 2: -40 / 3, 3: -40 / 3, 4: -40 / 3}, abs=0.5)
 
 
-def saturated(length_s, us=MOST_US, others_us=HOVER_US):
+def saturated(length_s, us=MAX_PWM_US, others_us=HOVER_US):
     pwm_us = np.full((len(T_S), 4), others_us)
     pwm_us[(T_S > 30.0 - 0.5 * BIN_S) & (T_S - length_s < 30.0 - 0.5 * BIN_S), 1] = us
     return found_in(pwm_us)
@@ -133,8 +133,8 @@ def saturated(length_s, us=MOST_US, others_us=HOVER_US):
 @pytest.mark.parametrize(
     ("length_s", "us", "is_told"),
     [
-        (0.8, MOST_US, False),
-        (1.2, MOST_US, True),
+        (0.8, MAX_PWM_US, False),
+        (1.2, MAX_PWM_US, True),
         (3.0, 1980.0, False),
         (3.0, 1990.0, True),
     ],
@@ -187,7 +187,7 @@ def test_an_output_that_gets_another_function_switches_a_motor_off(name, before,
 )
 def test_a_loss_of_thrust_that_the_autopilot_reports(text, others_us, climb_m_s, motor):
     pwm_us = np.full((len(T_S), 4), others_us)
-    pwm_us[np.abs(T_S - 30.0) < 1.0, 1] = MOST_US
+    pwm_us[np.abs(T_S - 30.0) < 1.0, 1] = MAX_PWM_US
     found = found_in(
         pwm_us,
         said=(Said(30.0, Severity.WARNING, text),),
