@@ -47,8 +47,9 @@ ALONE_S = 0.3
 BRAKED_S, BRAKED_SHARE, BELOW_OTHERS, LIFTED, BEYOND_ASKED = 0.5, 0.5, 0.2, 1.2, 1.15
 # What strikes a vehicle pushes it sideways by its weight; motors and drag do by half of it.
 FALLEN_G, STRUCK_G = 0.85, 1.0
-# A weak motor is at its limit alone, the next one below this, for this long; the vehicle sinks.
-NEAR_LIMIT_SHARE, WEAK_S, SINKS_M_S = 0.9, 2.0, 0.5
+# A weak motor is at its limit alone, the next one below this, for this long, or for most of it:
+# what is touched now and then is a controller at work. The vehicle sinks.
+NEAR_LIMIT_SHARE, WEAK_S, HELD_SHARE, SINKS_M_S = 0.9, 2.0, 0.5, 0.5
 # A tenth more force than usual in flight brakes a descent: no thrust is lacking.
 BRAKES_SHARE = 1.1
 THRUST_LOSS = re.compile(r"thrust loss \((\d+)\)", re.IGNORECASE)
@@ -354,7 +355,8 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
             part = slice(first, last + 1)
             sinks = _sinks(sources, float(t_s[first]), float(t_s[last]))
             others = np.delete(outputs.share[part], column, axis=1)
-            if t_s[last] - t_s[first] < WEAK_S or sinks < SINKS_M_S:
+            held = float((outputs.share[part, column] > LIMIT_SHARE).mean())
+            if t_s[last] - t_s[first] < WEAK_S or held < HELD_SHARE or sinks < SINKS_M_S:
                 continue
             together = float(outputs.share[part].mean())
             if together > TOGETHER_SHARE or force[part].mean() > BRAKES_SHARE * usual:

@@ -136,6 +136,13 @@ def test_a_motor_alone_at_its_limit_while_it_sinks_is_too_weak():
         flown(Series(T_S, sinks), height, **changes | {"motors": lacking, "said": ()})
     )[0]
     assert Kind.MOTOR_FAILED not in no_reserve
+    # What a motor meets now and then is not for lack of its thrust.
+    touched = outputs([(50.0, (0.6, 0.6, 1.0, 0.6)), (60.0, (0.5,) * 4)])
+    touched.pwm_us[np.arange(len(T_S)) % 4 > 0, 2] = 1800.0
+    now_and_then = told(
+        flown(Series(T_S, sinks), height, **changes | {"motors": touched, "said": ()})
+    )[0]
+    assert Kind.MOTOR_FAILED not in now_and_then
     # With more force than its weight it brakes.
     brakes = flown(Series(T_S, sinks), height, **changes | {"said": ()})
     first = brakes.context.imus[0]
