@@ -108,6 +108,36 @@ def test_bad_input_is_one_line_and_2(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+READS = (
+    "replay", "calibrate", "review", "compare", "odometer", "fleet", "log info", "log recover",
+    "log export", "log anonymise", "log decode", "synthesize", "evaluate dataset",
+    "evaluate flights", "odometry calibrate",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READS)
+def test_a_file_that_is_not_there_is_named_in_a_line_and_no_file_is_written(
+    name, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    words = COMMANDS[tuple(name.split())].example.split()
+    assert main(words) == BAD_INPUT
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert any(f"{word}: " in line for word in words)
+    assert said.out == ""
+    assert not any(path.is_file() for path in tmp_path.rglob("*"))
+
+
+@pytest.mark.parametrize("words", [["setup", "--connect", "nonsense:1"], ["run", "--connect", "x"]])
+def test_a_link_that_is_none_is_named(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert words[-1] in said
+    assert said.count("\n") == 1
+
+
 def test_shipped_configurations_can_be_printed_and_are_fine(tmp_path, capsys):
     for name in ("ardupilot-serial", "ardupilot-udp", "px4-serial", "px4-udp", "sitl"):
         assert main(["check-config", "--example", name]) == 0

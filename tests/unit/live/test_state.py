@@ -41,6 +41,13 @@ def test_ages_do_not_follow_the_hosts_clock(state, clock):
     assert state.silent_s == 1.0
 
 
+def test_a_line_of_output_is_heard_too(state, clock):
+    clock.pass_s(3.0)
+    state.text(UNIX_NS, Severity.INFO, "active")
+    assert state.silent_s == 0.0
+    assert state.age_s(state.texts[-1].heard_ns) == 0.0
+
+
 def test_a_finding_begins_grows_ends_and_comes_back(state, clock):
     state.take("/finding", UNIX_NS, finding())
     (told,) = state.findings
