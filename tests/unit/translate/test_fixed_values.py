@@ -78,6 +78,10 @@ def test_a_move_loses_half_a_step_or_a_whole_one(a: FixedValue, places: int, rou
 @given(a=values("a"), b=values("b"), wanted=st.sampled_from([None, 2.0**-10, 2.0**-30]))
 def test_a_product(a: FixedValue, b: FixedValue, wanted: float | None) -> None:
     made = fixed.multiplied(a, b, wanted)
+    # It is as fine as a word allows, or as is wanted.
+    is_fine = made.range.bits > 16 or wanted is not None
+    assert made.step == a.step * b.step or is_fine
+    assert made.error <= a.most * b.error + b.most * a.error + 2.0**-14 * a.most * b.most
     for case in cases(a, b):
         # the product of two errors is of second order, and left out
         second = a.error * b.error
@@ -88,6 +92,13 @@ def test_a_product(a: FixedValue, b: FixedValue, wanted: float | None) -> None:
 @given(a=values("a"))
 def test_a_square(a: FixedValue) -> None:
     made = fixed.squared(a)
+    if made.text.startswith("square_q28"):
+        wide = fixed.moved(a, max(a.bits - 30, 0))
+        assert made.step == wide.step**2 * 2.0**28
+        assert made.error == pytest.approx(2.0 * wide.most * wide.error + 2.0 * made.step)
+        assert wide.bits == min(a.bits, 30)
+    else:
+        assert (made.step, made.error) == (a.step**2, pytest.approx(2.0 * a.most * a.error))
     for case in cases(a):
         holds(made._replace(error=made.error + a.error**2), case["a"][1] ** 2, case)
 
@@ -172,6 +183,38 @@ def test_a_comparison_has_one_step(a: FixedValue, b: FixedValue) -> None:
     for case in cases(a, b):
         holds(left, case["a"][1], case)
         holds(right, case["b"][1], case)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [
+        (-5, 5, "limited(a, 5)"),
+        (-5, 6, "clamp(a, -5, 6)"),
+        (-9, 9, "a"),
+        (-10, 9, "a"),
+        (-8, 9, "clamp(a, -8, 9)"),
+    ],
+)
+def test_a_limit_is_written_as_short_as_it_can_be(low: int, high: int, text: str) -> None:
+    assert fixed.limited(variable("a", -9, 9, 1.0), low, high).text == text
+
+
+@pytest.mark.parametrize(
+    ("signs", "text"),
+    [
+        ((1, 1), "a + b"),
+        ((1, -1), "a - b"),
+        ((-1, 1), "b - a"),
+        ((-1, -1), "-a - b"),
+        ((-1,), "-a"),
+        ((1,), "a"),
+    ],
+)
+def test_a_sum_begins_with_what_is_added(signs: tuple[int, ...], text: str) -> None:
+    terms = [(sign, variable(name, -9, 9, 1.0)) for sign, name in zip(signs, "ab", strict=False)]
+    made = fixed.added(terms, None)
+    assert made.text == text
+    assert made.at(2) == (text if text == "a" else f"({text})")
 
 
 def test_nothing_compares_with_every_step() -> None:
