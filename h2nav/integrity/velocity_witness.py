@@ -7,6 +7,10 @@ windows of the last half minute. The latency of the receiver is fitted along, be
 resembles a heading error, and so is the bias of our accelerometer, which resembles a tilt until the
 vehicle turns: at rest and in a straight flight no velocity shows which of two tilts is right.
 
+The heading that velocities show is that of the accelerometer, whose axes are turned in the body: of
+two headings that are about as far from it nobody's is wrong. And evidence is of an attitude: one
+that has been found anew begins without any.
+
 Where our attitude may be bent, by a velocity that is or was held to be false or by a wrong sensor,
 velocities may speak for the other attitude, so that nothing hides our own error, but never for
 ours: they may fit it because they have bent it.
@@ -44,6 +48,9 @@ EXPECTED = (0.5, 0.5, 0.1, 0.0, 0.0)
 EXPECTED_SIGMA = (2.0, 2.0, 0.1, 0.15, 0.15)
 TILT, HEADING = 0, 1
 DECIDED = 3.0  # deviations
+# Cross-axis sensitivity of an accelerometer (MPU-6000: 2 %): its axes, and with them the heading
+# that velocities show, may be turned about the vertical by as much.
+AXES_RAD = 0.02
 # A share further outside of 0 to 1 shows that neither attitude fits.
 OUTSIDE = 0.5
 
@@ -74,6 +81,7 @@ class _Window(NamedTuple):
     by_heading: tuple[float, float]  # addition by its heading
     by_latency: tuple[float, float]  # addition per second of the receiver's latency
     by_bias: tuple[Level, Level]  # addition per m/s^2 of the accelerometer's bias, x and y
+    heading_rad: float  # the other attitude's heading minus ours
 
 
 class Integrated:
@@ -124,6 +132,7 @@ class VelocityWitness:
         self._start: _Start | None = None
         self._settled_n = integrated.velocity_n
         self._turn: tuple[int, Quat, Quat, Quat] | None = None
+        self._heading_rad = 0.0
         self._by_tilt = (0.0, 0.0)
         self._by_heading = (0.0, 0.0)
         self._pushed = [0.0] * 4  # by a bias along x, north and east, and along y
@@ -141,8 +150,13 @@ class VelocityWitness:
         """Takes our attitude, the turn (NED) from it to the other one, and the turn's heading."""
         self._settle()
         about_down = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
-        self._turn = (t_us, q_nb, turn_n, about_down)
+        self._turn, self._heading_rad = (t_us, q_nb, turn_n, about_down), heading_rad
         self._age(t_us)
+
+    def forget(self) -> None:
+        """Drops the evidence: it is of an attitude that we no longer have, or was bent."""
+        self._windows.clear()
+        self._start, self._found = None, Verdicts()
 
     def _age(self, t_us: int) -> None:
         """Drops evidence that is too old, and verdicts based on it."""
@@ -161,8 +175,7 @@ class VelocityWitness:
         """
         if self._may_be_bent and not may_be_bent:
             # Nothing from that time speaks for anybody after it.
-            self._windows.clear()
-            self._start, self._found = None, Verdicts()
+            self.forget()
         self._may_be_bent = may_be_bent
         now = self._integrated
         if now.t_us is None:
@@ -227,6 +240,7 @@ class VelocityWitness:
                 self._by_heading,
                 (by_latency[0], by_latency[1]),
                 ((self._pushed[0], self._pushed[1]), (self._pushed[2], self._pushed[3])),
+                self._heading_rad,
             )
         )
         self._found = _verdicts(self._windows)
@@ -254,10 +268,13 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
     if sigma_m_s > WORST_SIGMA_M_S:
         return Verdicts()
     (tilt, _), (_, heading) = fit.covariance((TILT, HEADING))
-    return Verdicts(
-        _verdict(found[TILT] + EXPECTED[TILT], noise * math.sqrt(tilt)),
-        _verdict(found[HEADING] + EXPECTED[HEADING], noise * math.sqrt(heading)),
-    )
+    apart_rad = math.sqrt(sum(w.heading_rad * w.heading_rad for w in windows) / len(windows))
+    share = found[HEADING] + EXPECTED[HEADING]
+    if abs(share - 0.5) * apart_rad < AXES_RAD:
+        by_heading = VelocityVerdict.UNDECIDED
+    else:
+        by_heading = _verdict(share, noise * math.sqrt(heading))
+    return Verdicts(_verdict(found[TILT] + EXPECTED[TILT], noise * math.sqrt(tilt)), by_heading)
 
 
 def _not_for_us(verdict: VelocityVerdict) -> VelocityVerdict:

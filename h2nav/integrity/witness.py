@@ -234,7 +234,10 @@ class Witness:
             estimate: propagated to the time of the sample; None during an alignment.
         """
         if estimate is None or int(estimate.trust) & COMPARED_WITH != COMPARED_WITH:
-            self._past.clear()
+            if self._past:
+                self._past.clear()
+                for reporter in self._reporters.values():
+                    reporter.velocity.forget()
             return []
         self._integrated.add(sample, estimate.q_nb)
         t_us, past = estimate.t_us, self._past

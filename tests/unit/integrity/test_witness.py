@@ -181,6 +181,9 @@ class Flight:
         turns_deg_s: about the vertical.
         accelerometer_is_off: by as much as would tilt our attitude by its error.
         excluded_s: from when until when the receiver is held to be false.
+        axes_turned_deg: of the accelerometer in the body, about its z.
+        found_anew_s: when our attitude, until then of `error_before`, is found anew.
+        error_before: turn (NED) from the truth to our attitude until then.
     """
 
     def __init__(
@@ -197,6 +200,9 @@ class Flight:
         turns_deg_s=0.0,
         accelerometer_is_off=False,
         excluded_s=(math.inf, math.inf),
+        axes_turned_deg=0.0,
+        found_anew_s=0.0,
+        error_before=None,
     ):
         self.witness = Witness()
         random_numbers = random.Random(1)
@@ -205,12 +211,16 @@ class Flight:
             nose = from_euler(0.05, -0.1, 0.7 + turns_deg_s * DEG * t_s)
             force_n = (*acceleration(t_s), -GRAVITY_M_S2)
             felt_through = multiply(our_error, nose) if accelerometer_is_off else nose
-            sample = ImuSample(t_us, (0.0, 0.0, 0.0), rotate(conjugate(felt_through), force_n))
-            self.witness.add(sample, estimate(t_us, multiply(our_error, nose)))
+            force_b = rotate(yaw(axes_turned_deg), rotate(conjugate(felt_through), force_n))
+            sample = ImuSample(t_us, (0.0, 0.0, 0.0), force_b)
+            ours = multiply(our_error if t_s >= found_anew_s else error_before, nose)
+            has_converged = not 0.0 <= found_anew_s - t_s < 0.1
+            trust = GOOD if has_converged else Trust.ALIGNED
+            self.witness.add(sample, estimate(t_us, ours, trust))
             if count % 10 == 0:
                 theirs = multiply(their_error, nose)
                 found = self.witness.report(AttitudeSource.AUTOPILOT, t_us // 1000, theirs)
-                self.verdicts = found[-1].verdicts
+                self.verdicts = found[-1].verdicts if found else Verdicts()
             if count % 20 == 0 and t_s < fixes_until_s:
                 north, east = (
                     v + random_numbers.gauss(0, noise_m_s) for v in velocity(t_s - late_s)
@@ -340,3 +350,25 @@ def test_a_velocity_of_the_autopilots_own_estimator_is_no_witness():
         bench.rests(2.0, yaw(20.0))
         bench.witness.fix(VelocityFix(bench.t_us, (north, 0.0, 0.0), 0.3, independent=False))
     assert bench.found[-1].verdicts == Verdicts()
+
+
+@pytest.mark.parametrize(("theirs_deg", "is_decided"), [(-2.0, False), (-9.0, True)])
+def test_axes_of_an_accelerometer_choose_between_no_two_headings(theirs_deg, is_decided):
+    """They are turned by 2 deg, as those of its data sheet may be, and our heading is off by 4."""
+    flight = Flight(
+        yaw(4.0),
+        yaw(theirs_deg),
+        lambda t_s: tuple(3.0 * a for a in to_and_fro(t_s)),
+        lambda t_s: tuple(3.0 * v for v in swinging(t_s)),
+        axes_turned_deg=-2.0,
+        noise_m_s=0.02,
+    )
+    assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_decided
+
+
+@pytest.mark.parametrize(("at_s", "is_known"), [(27.0, False), (20.0, True)])
+def test_evidence_of_an_attitude_that_is_gone_says_nothing_of_the_new_one(at_s, is_known):
+    flight = Flight(
+        RIGHT, yaw(12.0), to_and_fro, swinging, found_anew_s=at_s, error_before=yaw(-90.0)
+    )
+    assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_known
