@@ -14,6 +14,7 @@ class BentAttitude:
     def __init__(self) -> None:
         self._decided_us: dict[Cause, int] = {}
         self._bent_us: int | None = None
+        self._contradicted_us: int | None = None
 
     def decide(self, cause: Cause, t_us: int) -> None:
         """Takes a decision."""
@@ -25,6 +26,14 @@ class BentAttitude:
         It excuses no other sensor.
         """
         self._bent_us = t_us
+
+    def contradict(self, t_us: int) -> None:
+        """Takes that velocities contradict the attitude, whatever the cause."""
+        self._contradicted_us = t_us
+
+    def was_contradicted(self, t_us: int) -> bool:
+        """Whether velocities have contradicted it lately: they do not speak for it."""
+        return _is_recent(self._contradicted_us, t_us)
 
     def is_bent(self, t_us: int) -> bool:
         """Whether by a sensor of ours."""

@@ -150,7 +150,8 @@ class CauseSearch:
         if self.velocity_is_known_false or now_us is None:
             return self.velocity_is_known_false
         has_drifted = self._drifted_us is not None and now_us - self._drifted_us < REFUSED_US
-        return has_drifted or self.bent.is_bent(now_us)
+        is_bent = self.bent.is_bent(now_us) or self.bent.was_contradicted(now_us)
+        return has_drifted or is_bent
 
     def is_withheld(self, now_us: int) -> bool:
         """Whether either the force or the velocity is false, and only the gyro is not doubted."""

@@ -117,6 +117,7 @@ class Monitor:
         self.force_is_off = False  # by its size; others may show the same, see `force_error`
         self._other_excesses: Collection[float] = ()
         self._on_ground: bool | None = None
+        self._landed_us = 0  # when it was first reported to be there
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
@@ -226,6 +227,8 @@ class Monitor:
             self._force_m_s2 += FORCE_SHARE * (math.hypot(*force) - self._force_m_s2)
             self._renew_ratios(t_us)
             self._of_velocity.take(t_us, self.ratios.of_velocity)
+            if self._of_velocity.is_raised:
+                self._search.bent.contradict(t_us)
             self._of_force.take(t_us, self.ratios.force_10s)
             self._field.judge(t_us, self.ratios)
             self._open()
@@ -344,6 +347,7 @@ class Monitor:
         """Takes the autopilot's report of the vehicle."""
         if vehicle.on_ground != self._on_ground:
             self._force_size.begin()
+            self._landed_us = self._sample_us
         self._on_ground = vehicle.on_ground
 
     def use_delays(self, delays: SensorDelays) -> None:
@@ -462,7 +466,8 @@ class Monitor:
         first = self._strapdown.at(t_us - round(LONG_S * 1e6))
         if last is None or first is None:
             return math.nan
-        on_ground = self._on_ground is True
+        # One that has just landed has braked within the window.
+        on_ground = self._on_ground is True and self._landed_us <= first.t_us
         level, climb = (GROUND_SPEED_M_S, GROUND_SPEED_M_S) if on_ground else self._speeds
         north, east, down = self._change_n = change_of_velocity(first, last)
         inertial = inertial_variance(first, last)

@@ -363,6 +363,19 @@ def test_an_attitude_that_may_be_bent_is_known(drift_m_s2, force_m_s2, may_be_be
     assert monitor.may_be_bent is may_be_bent
 
 
+def test_velocities_that_contradicted_an_attitude_do_not_speak_for_it_soon_after():
+    """Nobody was named, as a window without a heading shows no cause, and it was bent meanwhile."""
+
+    def jumps(t_s, v_n):
+        return (v_n[0] + (6.0 if FAULT_S <= t_s < FAULT_S + 10.0 else 0.0), *v_n[1:])
+
+    drive = flight(end_s=FAULT_S + 15.0)
+    drive = with_samples(drive, lambda _, s: s._replace(m_b_ut=None))
+    rows = [(t_s, monitor.may_be_bent) for t_s, _, _, monitor in flown(drive, jumps)]
+    assert not any(is_bent for t_s, is_bent in rows if t_s < FAULT_S)
+    assert all(is_bent for t_s, is_bent in rows if t_s > FAULT_S + 3.0)
+
+
 def test_a_turned_field_is_the_compass_and_not_the_gyro():
     rows = watched(with_turned_field(flight(), 50.0 * DEG, FAULT_S, END_S))
     assert 0.0 <= first_alarm(rows, "compass_field") < 5.0
@@ -379,6 +392,24 @@ def test_a_reversed_field_does_not_degrade_a_heading_that_was_confirmed():
 def test_an_accelerometer_of_twice_the_scale_is_found_without_velocities():
     rows = watched(from_fault(lambda s: s._replace(f_b=tuple(2.0 * f for f in s.f_b))), gps=False)
     assert 0.0 <= first_alarm(rows, "attitude_gravity") < 12.0
+
+
+def test_a_vehicle_that_has_braked_and_landed_without_a_receiver_is_upright():
+    """Within the 10 s before it was in the air, where it may change its speed by more."""
+    landed_s = 30.0
+
+    def brakes(t_s):
+        return (-1.0 if landed_s - 12.0 <= t_s < landed_s else 0.0, 0.0, 0.0)
+
+    def stands(_):
+        return (0.0, 0.0, 0.0)
+
+    drive = accelerating(landed_s + 15.0, 7, force=brakes, law=stands)
+    ratios = []
+    for t_s, _, _, monitor in flown(drive, gps=False):
+        monitor.use_vehicle(FLYING._replace(on_ground=t_s >= landed_s))
+        ratios.append(monitor.ratios.force_10s)
+    assert max(ratio for ratio in ratios if not math.isnan(ratio)) < 1.0
 
 
 def too_large(i, sample):
