@@ -242,7 +242,7 @@ class Sample:
     accel: list[float] = reals(3, "m/s^2", "specific force")
     mag: list[float] = reals(3, "field", "magnetic field")
     has_mag: float = real("", "1: the field counts")
-    clipped: float = real("", "1: the rate counts, force and field do not; 2: the rate is sure")
+    clipped: float = real("", "1: only the rate counts, doubted; 2: no force, the rate is sure")
     aided: float = real("", "1: velocity fixes come; no bounded velocity is assumed")
     has_fix: float = real("", "1: a fix comes with this sample")
     asked: float = real("", "1: rate and deviations of an estimate are computed")

@@ -115,10 +115,10 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         """Processes one sample; see `AttitudeFilter`.
 
         An implausible sample (not finite, absurdly large) leaves the filter unchanged: the previous
-        attitude is returned with the sample's time and `Trust.SATURATED`. A force of exactly zero,
-        which is none, or a clipped sample is integrated but corrects nothing; the rate of a clipped
-        one is doubted. A sample that is not later than the previous one changes nothing: the
-        previous estimate is returned.
+        attitude is returned with the sample's time and `Trust.SATURATED`. A force of exactly
+        zero is none: rate and field are used. A clipped sample is integrated but corrects nothing,
+        and its rate is doubted. A sample that is not later than the previous one changes nothing:
+        the previous estimate is returned.
         """
         t_us, before_us, aiding = sample.t_us, self._t_us, self._aiding
         if before_us is not None and t_us <= before_us:

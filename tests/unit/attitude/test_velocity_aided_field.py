@@ -52,6 +52,32 @@ def test_turns_about_the_vertical_show_the_latency_once_velocities_hold_the_filt
     assert least_s < filter_.field_latency_s < most_s
 
 
+# --- without a force ----------------------------------------------------------------------------
+
+
+def test_the_field_holds_the_heading_while_a_frozen_accelerometer_gives_no_force() -> None:
+    """The gyro alone turned it, by 12 deg here."""
+    lost = 4000
+
+    def frozen(i: int, sample: ImuSample) -> ImuSample:
+        x, y, z = sample.w_b
+        if i < lost:
+            return sample
+        return sample._replace(w_b=(x, y, z + 0.15 * DEG), f_b=NO_BIAS)
+
+    drive = with_samples(accelerating(120.0, 62, law=gentle, bias_b=NO_BIAS), frozen)
+    filter_ = new_filter(knows_field=True)
+    found = follow(filter_, drive)
+    worst = max(
+        abs(heading_apart(q_nb, each.q_nb))
+        for q_nb, each in zip(drive.flight.q_nb[lost:], found[lost:], strict=True)
+        if each is not None
+    )
+    assert worst < 6.5 * DEG
+    # What the tilt is off by meanwhile is not learnt as an error of the field.
+    assert filter_.sensor_errors.field_offset_share < 0.03
+
+
 # --- gate on the heading ------------------------------------------------------------------------
 
 

@@ -78,7 +78,8 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     ) > 0.0:
         return 0
     s.heading_rejected_s = 0.0
-    if lost > HEADING_LOST:
+    if lost > HEADING_LOST and sample.clipped == 0.0:
+        # Without a force an error of the tilt would be learnt as one of the field.
         learn_field(s, w, g, norm, dip, flat, age, lag)
     s.mag_accepted_age_s = 0.0
     s.heading_unknown = 0.0
@@ -86,7 +87,7 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         turn_heading(s, w, g, innovation)
         return FIELD_USED
     is_carried = 0.0
-    if sample.rest_prior == 0.0 and sample.dt_s < SLOW_SAMPLE:
+    if sample.rest_prior == 0.0 and sample.dt_s < SLOW_SAMPLE and sample.clipped == 0.0:
         is_carried = 1.0
     measure_heading(s, w, g, innovation, age, is_carried)
     return FIELD_USED

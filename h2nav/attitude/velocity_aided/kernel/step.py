@@ -33,6 +33,9 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         bits = SATURATED
         if s.aided > 0.0:
             predict_shared(s, w, g, dt)
+        if sample.clipped >= FORCE_LOST and sample.has_mag > 0.0:
+            # The gyro carries the tilt, and theta knows what its bias does to it.
+            bits = bits | use_field(s, w, g, sample)
     else:
         if s.clipped_s > 0.0:
             bits = end_clipping(s, w, g, sample)
