@@ -243,6 +243,12 @@ class VelocityAidedFilter(VelocityAidedShell):
         turn_heading(self._state, self._workspace, self._g, angle_rad)
 
     @property
+    def _heading_is_unknown(self) -> bool:
+        s = self._state
+        is_shown = s.mag_accepted_age_s >= 0.0 or s.heading_confirmed > 0.0
+        return s.heading_unknown > 0.0 or not (is_shown or self._is_witnessed)
+
+    @property
     def _is_witnessed(self) -> bool:
         return self._state.heading_witnessed > 0.0
 

@@ -81,6 +81,11 @@ class VelocityHeading(DoubtedSensors):
         if seen.contradicts:
             self._find_heading(seen.turn_rad, seen.sigma_rad)
             return True
+        if seen.off_rad > 0.0 and self._heading_is_unknown:
+            # It stays unknown, but from nearby the filter's linear model finds the rest.
+            self._turn_heading(seen.turn_rad)
+            self._witness.adopt(seen.turn_rad)
+            return True
         refused = self._refused_field()
         if refused is None or not refused.is_heard_by(seen):
             return False
@@ -116,6 +121,11 @@ class VelocityHeading(DoubtedSensors):
     @abstractmethod
     def _noise_densities(self) -> tuple[float, float]:
         """Of the rate, squared, rad^2/s, and of the force, squared, m^2/s^3."""
+
+    @property
+    @abstractmethod
+    def _heading_is_unknown(self) -> bool:
+        """Whether nothing has shown the heading."""
 
     @property
     @abstractmethod

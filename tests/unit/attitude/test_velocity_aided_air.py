@@ -9,6 +9,7 @@ from synthetic_imu import RateLaw, fly, still
 from velocity_flights import (
     Drive,
     accelerating,
+    follow,
     heading_apart,
     new_filter,
     new_integer_filter,
@@ -17,6 +18,7 @@ from velocity_flights import (
     sway,
     tilt_errors,
     turning,
+    with_noise,
     without_samples,
 )
 
@@ -176,6 +178,29 @@ def test_the_first_strong_manoeuvre_gives_a_heading_that_was_120_degrees_off(
         if i >= 100.0 * (calm_s + 10.0):
             assert error < 3.0 * DEG
             assert estimate.sigma_heading_rad < 3.0 * DEG
+
+
+@both_arithmetics
+def test_a_heading_that_nothing_has_shown_follows_the_first_hint_and_stays_unknown(
+    make: Maker,
+) -> None:
+    """Of weak accelerations; it was 95 deg off until velocities proved another one."""
+    calm_s = 15.0
+
+    def force(t: float) -> Vec3:
+        since = max(t - calm_s, 0.0)
+        return (0.5 * math.sin(since), 0.5 * math.sin(0.75 * since), 0.0)
+
+    start = quaternion.from_euler(0.0, 0.0, 100.0 * DEG)
+    drive = with_noise(accelerating(35.0, 4, force, sway, start, NO_BIAS), 0.15, 4)
+    found = follow(make(), drive, field=False)
+    hinted, proved = found[2000], found[-1]
+    assert hinted is not None
+    assert proved is not None
+    assert abs(heading_apart(drive.flight.q_nb[2000], hinted.q_nb)) < 25.0 * DEG
+    assert not hinted.trust & Trust.YAW_REFERENCED
+    assert abs(heading_apart(drive.flight.q_nb[-1], proved.q_nb)) < 5.0 * DEG
+    assert proved.trust & Trust.YAW_REFERENCED
 
 
 @both_arithmetics

@@ -485,6 +485,11 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
                 return
 
     @property
+    def _heading_is_unknown(self) -> bool:
+        is_shown = self._state.heading_reset == 0 or self._confirmed_rad > 0.0
+        return not (is_shown or self._is_witnessed)
+
+    @property
     def _is_witnessed(self) -> bool:
         return self._state.heading_witnessed > 0
 
