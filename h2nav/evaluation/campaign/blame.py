@@ -5,7 +5,7 @@ autopilot; or nobody, as while it is undecided. Naming a sound part is a false a
 that something contradicts, while nothing is wrong, is a false alarm.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,13 +133,14 @@ def names(told: Told, fault: Fault) -> bool:
 def overlaps(told: Told, fault: Fault) -> bool:
     """Whether a finding begins while a fault acts, or soon after it.
 
-    One that is told while it acts and names what it breaks is of the fault, from whenever it dates
-    the difference: another one may have gone over into it.
+    One that is told while it acts and names what it breaks, or compares it, is of the fault, from
+    whenever it dates the difference: another one may have gone over into it.
     """
     over_s, from_s = fault.start_s + fault.length_s, told.finding.from_s
     begins = fault.start_s - GRACE_S <= from_s <= over_s + RECOVERY_S
-    is_named = told.told_s <= over_s and names(told, fault)
-    return told.told_s >= fault.start_s and (begins or is_named)
+    is_compared = told.finding.kind in COMPARISONS and part_of(fault) == AUTOPILOT
+    is_about = told.told_s <= over_s and (is_compared or names(told, fault))
+    return told.told_s >= fault.start_s and (begins or is_about)
 
 
 def can_be_told(fault: Fault, length_s: float) -> bool:
@@ -155,19 +156,22 @@ class Accused(NamedTuple):
 
 
 def false_reports(
-    every: Iterable[Told], flight: DrawnFlight, sensors: ShownBySensors, is_wrong_at: Any
+    every: Iterable[Told],
+    flight: DrawnFlight,
+    sensors: ShownBySensors,
+    we_are_wrong: Callable[[Told], bool],
 ) -> Accused:
     """Findings outside faults that nothing in the draw explains.
 
     Args:
-        is_wrong_at: (from s, to s) -> whether our own attitude was wrong meanwhile.
+        we_are_wrong: whether our own attitude was meanwhile, as a finding says or otherwise.
     """
     accused = Accused([], [])
     for told in every:
         if any(overlaps(told, fault) for fault in flight.draw.scheduled):
             continue
         if told.part == NOBODY:
-            if not is_wrong_at(told.finding.from_s, told.finding.to_s):
+            if not we_are_wrong(told):
                 accused.alarms.append(told)
         elif not _is_so(told, flight, sensors):
             accused.accusations.append(told)

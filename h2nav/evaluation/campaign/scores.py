@@ -1,7 +1,7 @@
 """Scores a drawn flight: errors, honesty, false accusations, and what became of each fault."""
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from h2nav.evaluation.campaign.draw import Draw, as_text
 from h2nav.evaluation.campaign.flight import BOOT_US, DrawnFlight
 from h2nav.evaluation.campaign.shown import ShownBySensors, shown
 from h2nav.integrity.findings import Finding
+from h2nav.integrity.kinds import Kind
 from h2nav.maths.attitude_errors import errors, honesty
 from h2nav.maths.rows import Array
 from h2nav.maths.units import HOUR_S
@@ -44,7 +45,6 @@ def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
     truth = flight.motion.at(t_s).q_nb
     _, heading, tilt = errors(rows[:, :4], truth, np.ones(len(t_s), np.bool_), True)
     settled = t_s > SETTLED_S
-    wrong = [_wrong(t_s, heading, WRONG_HEADING_DEG), _wrong(t_s, tilt, WRONG_TILT_DEG)]
     every = [
         Told(heard.told_s.get(finding.id, finding.from_s), finding)
         for finding in heard.findings
@@ -60,7 +60,7 @@ def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
         **_longest(t_s, heading, tilt, sensors),
         **_honesty(t_s, heading, tilt, rows, calm),
         "calm_h": float(calm.sum()) / HOUR_S,
-        **_false(every, flight, sensors, lambda a, b: any(_within(w, a, b) for w in wrong)),
+        **_false(every, flight, sensors, Errors(t_s, heading, tilt).are_as),
         "faults": [
             blame.fault_row(one, every, draw.scheduled)
             for one in draw.scheduled
@@ -126,20 +126,36 @@ def _honesty(
     )
 
 
-def _wrong(t_s: Array, error: Array, limit_deg: float) -> Array:
-    """Times at which an error is beyond its limit."""
-    return t_s[np.abs(error) > limit_deg]
+class Errors(NamedTuple):
+    """Of our attitude."""
 
+    t_s: Array
+    heading_deg: Array
+    tilt_deg: Array
 
-def _within(times: Array, from_s: float, to_s: float) -> bool:
-    begin, end = np.searchsorted(times, (from_s - 2.0, to_s + 2.0))
-    return bool(end > begin)
+    def are_as(self, told: Told) -> bool:
+        """Whether our attitude is wrong meanwhile.
+
+        Where a finding says by how much our heading or tilt is off, by half of that, or more.
+        """
+        finding = told.finding
+        heading_deg, tilt_deg = WRONG_HEADING_DEG, WRONG_TILT_DEG
+        if finding.backs_us is False and finding.kind is Kind.AUTOPILOT_HEADING:
+            heading_deg = min(heading_deg, 0.5 * finding.size)
+        if finding.backs_us is False and finding.kind is Kind.AUTOPILOT_TILT:
+            tilt_deg = min(tilt_deg, 0.5 * finding.size)
+        begin, end = np.searchsorted(self.t_s, (finding.from_s - 2.0, finding.to_s + 2.0))
+        worst_deg = np.abs(self.heading_deg[begin:end]), self.tilt_deg[begin:end]
+        return bool((worst_deg[0] > heading_deg).any() or (worst_deg[1] > tilt_deg).any())
 
 
 def _false(
-    every: Sequence[Told], flight: DrawnFlight, sensors: ShownBySensors, is_wrong_at: Any
+    every: Sequence[Told],
+    flight: DrawnFlight,
+    sensors: ShownBySensors,
+    we_are_wrong: Callable[[Told], bool],
 ) -> dict[str, Any]:
-    accused = blame.false_reports(every, flight, sensors, is_wrong_at)
+    accused = blame.false_reports(every, flight, sensors, we_are_wrong)
     return {
         "false_accusations": [told.row() for told in accused.accusations],
         "false_alarms": [told.row() for told in accused.alarms],

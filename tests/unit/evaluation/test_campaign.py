@@ -35,7 +35,7 @@ from h2nav.evaluation.campaign.flight import (
     simulated,
 )
 from h2nav.evaluation.campaign.motion import DrawnMotion
-from h2nav.evaluation.campaign.scores import longest_run
+from h2nav.evaluation.campaign.scores import Errors, longest_run
 from h2nav.evaluation.campaign.shown import shown
 from h2nav.evaluation.campaign.shrinking import shrink
 from h2nav.evaluation.campaign.summary import badness, summary, table, worst
@@ -377,6 +377,24 @@ def test_a_difference_that_is_dated_from_before_its_fault_is_still_of_it():
     for told, accusations in ((named, 0), (over, 1)):
         found = false_reports([told], flight, shown(flight), lambda *_: False)
         assert len(found.accusations) == accusations
+
+
+def test_a_difference_from_the_autopilot_is_of_its_fault_whoever_is_named():
+    fault = parse_fault("autopilot-heading=45@100+60")
+    told = said(Kind.AUTOPILOT_HEADING, AUTOPILOT, 80.0, 130.0)
+    assert fault_row(fault, [told], (fault,))["outcome"] == "undecided"
+    flight = ideal(faults=("autopilot-heading=45@100+60",))
+    assert false_reports([told], flight, shown(flight), lambda *_: False).alarms == []
+
+
+@pytest.mark.parametrize(("error_deg", "is_so"), [(3.0, True), (1.0, False)])
+def test_that_our_heading_is_off_by_5_deg_is_true_from_half_of_that_on(error_deg, is_so):
+    told = said(Kind.AUTOPILOT_HEADING, AUTOPILOT, 60.0, backs_us=False)
+    told = told._replace(finding=told.finding._replace(size=5.0))
+    t_s = np.arange(0.0, 120.0, 0.1)
+    errors = Errors(t_s, np.full(len(t_s), -error_deg), np.zeros(len(t_s)))
+    assert errors.are_as(told) is is_so
+    assert not errors.are_as(said(Kind.ATTITUDE_VELOCITY, GPS, 60.0))
 
 
 @pytest.mark.parametrize(("start_s", "can"), [(50.0, True), (290.0, True), (291.0, False)])
