@@ -62,6 +62,25 @@ def with_force_bias(drive: Drive) -> Drive:
     return with_samples(drive, change)
 
 
+@pytest.mark.parametrize("make", [new_filter, new_integer_filter])
+@pytest.mark.parametrize(("doubted_deg", "is_learnt"), [(0.0, True), (10.0, False)])
+def test_while_the_tilt_is_doubted_velocities_teach_no_bias_of_the_accelerometer(
+    make: Callable[..., VelocityAidedFilter | IntegerVelocityAidedFilter],
+    doubted_deg: float,
+    is_learnt: bool,
+) -> None:
+    """A gyro that was wrong for two minutes had taught 107 mg, which bent the tilt ever after."""
+    drive = with_force_bias(accelerating(60.0, 21, law=turning))
+    filter_ = make(knows_field=True)
+    doubt = SensorDoubt(tilt_rad=doubted_deg * DEG, heading_rad=1.0 * DEG)
+    for first in range(0, 6000, 100):
+        follow(filter_, part(drive, first, first + 100), latency=0)
+        filter_.doubt(doubt)
+    learnt = max(map(abs, filter_.sensor_errors.force_bias_b))
+    assert (learnt > 0.1) is is_learnt
+    assert is_learnt or learnt < 0.01
+
+
 def test_the_bias_of_the_accelerometer_is_learnt_and_no_longer_tilts() -> None:
     drive = with_force_bias(accelerating(90.0, 21, law=turning))
     filter_, without = new_filter(), new_filter(accel_variance=0.0)

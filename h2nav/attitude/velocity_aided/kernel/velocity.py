@@ -31,6 +31,7 @@ from .prediction import forget_velocity, gyro_density
 from .theta import SETTLED, adapt_walk, apply_theta, follow_bias, measure_level, measure_theta
 from .tilt import raise_tilt_sigma, restart_tilt
 
+DOUBTED_TILT = 0.0153  # rad: 0.15 m/s^2 over g, a bias as usual; fixes show a larger doubt first
 SUSPECT_TILT = 0.5  # rad: rejected fixes that need so large a tilt error to be explained
 # rad, per fix rejected in a row: no tilt turns a force into more than 2 g of velocity.
 MAX_EXPLAINED = 2.0 / MAX_REJECTED
@@ -184,9 +185,14 @@ def correct_by_fix(
     yy = s.p_yy
     zz = s.p_zz
     learns = 0.0
-    # Until the gyro's biases and the tilt have settled, their errors would be taken for another's;
-    # the noise of the force, integrated over the loop's time, counts as noise of the fixes here.
-    if s.age_s > SETTLED:
+    # Until the gyro's biases and the tilt have settled, and while the tilt is doubted, their errors
+    # would be taken for another's; the noise of the force, integrated over the loop's time, counts
+    # as noise of the fixes here.
+    doubt = s.extra_tilt_sigma * s.extra_tilt_sigma
+    is_known = 0.0
+    if doubt < DOUBTED_TILT * DOUBTED_TILT or doubt < s.p_accel[0] + s.p_accel[2]:
+        is_known = 1.0
+    if s.age_s > SETTLED and is_known > 0.0:
         rate = g.gravity * s.k_velocity / s.fix_period_s
         own = noise * s.fix_period_s * rate * rate
         learns = own / (own + 2.0 * s.accel_jitter)

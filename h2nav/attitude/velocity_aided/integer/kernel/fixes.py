@@ -34,6 +34,7 @@ SETTLED_US = 30000000  # ten times the start-up time
 Q30 = 30 << 8
 STARTED = 850  # log2 of ten: before, the low-passed force is older than the tilt
 MAX_EXPLAINED = 107374182  # 0.4 rad, Q28, per rejected fix, as in floats
+DOUBTED_TILT = 4105920  # rad, Q28: 0.15 m/s^2 over g, a usual bias; fixes show a larger one first
 SUSPECT_TILT = 134217728  # 0.5 rad, Q28: rejected fixes that need so large a tilt error
 
 
@@ -116,12 +117,13 @@ def weigh_force(s: State, log_period: I32) -> None:
     """Sets the share of the gains that the accelerometer's bias and the fixes' latency learn by.
 
     The noise of the force, integrated over the loop's time, counts as noise of the fixes here.
-    Until the errors of the start have passed, they would be taken for another's.
+    Until the errors of the start have passed, and while the tilt is doubted, they would be taken
+    for another's.
 
     Source: docs/filter.md Eq. (39).
     """
     s.accel_learns = 0
-    if s.age_us > SETTLED_US:
+    if s.age_us > SETTLED_US and s.extra_tilt_sigma < DOUBTED_TILT:
         log_rate = logarithm(s.k_velocity_m | 1) - ((15 + s.k_velocity_s) << 8) - log_period
         own = limited(power2(s.log_noise + log_period + 2 * log_rate + Q30), 1 << 29)
         s.accel_learns = ratio(own, own + 2 * s.force_jitter + 1)
