@@ -332,7 +332,10 @@ def _standing(bins: Bins, armed: tuple[Span, ...]) -> Array:
     usual = np.array([0.0, 0.0, -1.0])
     if not armed:
         return usual
-    idle = ~(bins.driven > bins.idle) & (bins.t_s < armed[0].from_s + FLOWN_WITHIN_S)
+    flown = bins.t_s[bins.driven > bins.flying]
+    # After a flight it may lie where it crashed.
+    until_s = min(armed[0].from_s + FLOWN_WITHIN_S, flown[0] if len(flown) else np.inf)
+    idle = ~(bins.driven > bins.idle) & (bins.t_s < until_s)
     places = np.flatnonzero(_steady(bins) & idle)
     if not len(places):
         return usual

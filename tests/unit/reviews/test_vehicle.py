@@ -172,6 +172,17 @@ def test_a_crash_check_without_a_crash_is_false():
     assert Kind.AUTOPILOT_CRASH_CHECK not in kinds(crashed)
 
 
+def test_a_vehicle_that_lies_after_the_first_seconds_of_a_log_had_not_stood_so():
+    """The log begins in flight, and nothing shows how it had stood."""
+    outputs = motors()
+    outputs.pwm_us[T_S < 3.0] = HOVER_US
+    outputs.pwm_us[T_S > 5.2] = 1000.0
+    crashed = tipped(multirotor(), 5.0)
+    context = crashed.context._replace(motors=outputs, armed=(Span(0.0, 6.5, "armed"),))
+    text = said_of(crashed._replace(context=context))
+    assert text.startswith("Crashed at 5 s and came to lie on its back.")
+
+
 @pytest.mark.parametrize(("begins", "then", "lies"), [(0, 1, True), (0, 0, False), (1, 1, False)])
 def test_a_vehicle_that_tips_over_as_the_log_begins_may_have_crashed_before(begins, then, lies):
     """Upright, or on its back; a board may be mounted so."""
