@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 import webbrowser
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +103,9 @@ def run(args: argparse.Namespace) -> int:
             _show(document, args.output / f"{name}.html")
         if args.open:
             webbrowser.open((args.output / f"{name}.html").resolve().as_uri())
+    if not done:
+        with suppress(OSError):  # of earlier reviews it stays
+            args.output.rmdir()
     if args.json:
         print_json(done)
     if errors:

@@ -47,6 +47,8 @@ def test_pages_go_into_the_folder_reviews_where_none_is_named(
     assert Path("reviews/short.html").is_file()
     assert main(["review"]) == BAD_INPUT
     assert "name a recording" in capsys.readouterr().err
+    assert main(["review", "none.bin", "-o", "pages"]) == BAD_INPUT
+    assert not Path("pages").exists()
 
 
 def test_the_attitude_of_a_review_is_that_of_the_daemon(flight):
