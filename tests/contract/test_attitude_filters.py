@@ -163,8 +163,12 @@ def test_a_sample_that_is_no_number_changes_nothing(name: str, vector: str, bad:
 
 
 @every_filter
-@pytest.mark.parametrize("damaged", [{"clipped": True}, {"f_b": (0.0, 0.0, 0.0)}], ids=str)
-def test_a_clipped_or_zero_force_corrects_nothing(name: str, damaged: dict[str, object]) -> None:
+@pytest.mark.parametrize(
+    "damaged", [{"clipped": True}, {"f_b": (0.0, 0.0, 0.0), "m_b_ut": None}], ids=str
+)
+def test_a_clipped_sample_and_one_without_force_and_field_correct_nothing(
+    name: str, damaged: dict[str, object]
+) -> None:
     filter_ = new_filter(name)
     *samples, last = fly(gentle, 20.0, 16).samples
     before = last_of(filter_, samples)
