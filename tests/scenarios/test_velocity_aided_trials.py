@@ -59,3 +59,20 @@ def test_fixed_wing_inclination(speed_m_s: float | None, inclination_deg: float)
     conditions = Conditions("fixed-wing", cruise_speed_m_s=speed_m_s)
     found = score(shared_data("imu/uav_gpsins__thor_flight75.npz"), conditions)
     assert found[2] <= inclination_deg
+
+
+def test_real_copters_keep_to_their_autopilots() -> None:
+    """Whose attitude is the only truth of these logs: what leaves it by more has to say why."""
+    paths = sorted(shared_data("imu-2/ardupilot_real").glob("*.npz"))
+    assert len(paths) == 3
+    rows = [score(path, Conditions("multirotor")) for path in paths]
+    assert statistics.fmean(row[0] for row in rows) <= 6.0
+    spark = score(shared_data("imu/uav_ardupilot__copter35_spark404.npz"), Conditions("handheld"))
+    assert spark[0] <= 4.6
+
+
+def test_euroc_heading() -> None:
+    paths = sorted(shared_data("imu-2/euroc").glob("*.npz"))
+    assert len(paths) == 3
+    rows = [score(path, Conditions("multirotor")) for path in paths]
+    assert statistics.fmean(row[1] for row in rows) <= 0.9
