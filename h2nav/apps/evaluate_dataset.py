@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from h2nav.errors import BadInput, TaskFailed
 from h2nav.evaluation.dataset.filters import Conditions
 from h2nav.evaluation.dataset.peers import NEEDS, RECOMMENDED, SMOOTHED, installed
 from h2nav.evaluation.dataset.scores import TrialScore, TrialTask, score_task, summary
+from h2nav.evaluation.names import names_of
 from h2nav.evaluation.parallel import results
 from h2nav.recordings.trials import trial_paths
 
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         if len(remarks) == 1:
             raise error(remarks.pop())
         _say_left_out(scores)
-        raise error(f"{args.places[0]}: no trial could be scored")
+        raise error(f"{', '.join(map(str, args.places))}: no trial could be scored")
     _say_left_out(scores)
     names = list(dict.fromkeys(task.filter_name for task in tasks))
     summaries = {name: summary(scores, name) for name in names}
@@ -139,9 +139,7 @@ def _tasks(args: argparse.Namespace) -> list[TrialTask]:
         args.cruise_speed_m_s,
         shows_insides=args.plots is not None,
     )
-    paths = [path for place in args.places for path in trial_paths(place)]
-    stems = Counter(path.stem for path in paths)
-    trials = {path: path.stem if stems[path.stem] == 1 else path.name for path in paths}
+    trials = names_of(path for place in args.places for path in trial_paths(place))
     return [
         TrialTask(path, read, trial, name, conditions, args.plots)
         for name in dict.fromkeys(names)

@@ -3,7 +3,6 @@
 import argparse
 import functools
 import sys
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from h2nav.evaluation.flights.scores import (
     mean,
     score_flight,
 )
+from h2nav.evaluation.names import names_of
 from h2nav.evaluation.parallel import results
 
 _CLOSING = f"""\
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"left out: {remark}", file=sys.stderr)
     flights = {score.name: score.document for score in ordered if score.document}
     if not flights:
-        raise BadInput(f"{args.places[0]}: no flight could be scored")
+        raise BadInput(f"{', '.join(map(str, args.places))}: no flight could be scored")
     means = mean(list(flights.values()))
     if args.json:
         print_json({"flights": flights, "mean": means, "left_out": left_out}, indent=1)
@@ -105,16 +105,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _tasks(args: argparse.Namespace) -> list[FlightTask]:
-    paths = [path for place in args.places for path in flight_paths(place)]
-    stems = Counter(path.stem for path in paths)
+    flights = names_of(path for place in args.places for path in flight_paths(place))
     played = functools.partial(play, options=playback.options(args))
     phases = None if args.phases is None else tuple(args.phases)
-    return [
-        FlightTask(
-            path, path.stem if stems[path.stem] == 1 else path.name, played, phases, args.plots
-        )
-        for path in paths
-    ]
+    return [FlightTask(path, name, played, phases, args.plots) for path, name in flights.items()]
 
 
 def _longest_first(tasks: Sequence[FlightTask]) -> list[FlightTask]:

@@ -21,6 +21,8 @@ from h2nav.translate.firmware import IntegerForm, Row
 from h2nav.translate.firmware_constant_gain import CONSTANT_GAIN
 from h2nav.translate.firmware_velocity_aided import VELOCITY_AIDED
 
+SEED = 1  # of the samples that an export is checked with
+
 
 class Image(NamedTuple):
     """A gain file in the form of an integer filter."""
@@ -136,10 +138,10 @@ def _anything(record_type: type, rng: random.Random) -> Any:
 
 def constant_gain_samples() -> list[constant_gain.Sample]:
     """Ordinary motion first, then random numbers within the formats."""
-    rng = random.Random(1)
+    rng, count = random.Random(SEED), 400
     samples = []
-    for number in range(400):
-        if number >= 200:
+    for number in range(count):
+        if number >= count // 2:
             sample = _anything(constant_gain.Sample, rng)
         else:
             rates = [rng.randint(-1100000, 1100000) for _ in range(3)]
@@ -157,10 +159,10 @@ def velocity_aided_samples() -> list[velocity_aided.Sample]:
     At most as many rows as fit into 32 kB, the largest table of an AVR, and with the filter into
     the 128 kB of an ATmega1284P.
     """
-    rng = random.Random(1)
+    rng, count = random.Random(SEED), 208
     samples = []
-    for number in range(208):
-        if number >= 156:
+    for number in range(count):
+        if number >= count * 3 // 4:
             sample = _anything(velocity_aided.Sample, rng)
         else:
             sample = velocity_aided.Sample(parts=1, fix_variance=170000, fix_period_us=200000)
@@ -169,8 +171,8 @@ def velocity_aided_samples() -> list[velocity_aided.Sample]:
                 sample.accel[axis] = force + rng.randint(-20000, 20000)
                 sample.mag[axis] = field + rng.randint(-100, 100)
             sample.has_mag = number & 1
-            sample.aided = int(number >= 52)
-            sample.has_fix = int(number >= 52 and number % 20 == 0)
+            sample.aided = int(number >= count // 4)
+            sample.has_fix = int(number >= count // 4 and number % 20 == 0)
         sample.dt_us = {37: 30000, 90: 100001, 130: 200000}.get(number, 10000)
         samples.append(sample)
     return samples

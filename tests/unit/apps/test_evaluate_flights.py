@@ -53,7 +53,12 @@ def test_several_places_are_scored_together(tmp_path, capsys):
     places = [tmp_path / "one.tlog", tmp_path / "folder"]
     rewritten(places[0], first_s=FIRST_S)
     rewritten(places[1] / "two.tlog", first_s=FIRST_S)
-    assert set(evaluated(capsys, *places)["flights"]) == {"one", "two"}
+    rewritten(places[1] / "one.tlog", first_s=FIRST_S)
+    found = evaluated(capsys, *places, places[0])["flights"]
+    assert len(found) == 3
+    assert "two" in found
+    assert {name.rpartition("_")[2] for name in found} == {"one.tlog", "two"}
+    assert not any("/" in name for name in found)  # they name the files of figures, too
 
 
 @pytest.mark.parametrize(("estimator", "words"), [("h2nav", []), ("h2nav_no_gps", ["--no-gps"])])
