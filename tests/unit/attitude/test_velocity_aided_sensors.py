@@ -33,7 +33,9 @@ from h2nav.attitude.samples import (
 )
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.kernel.aiding import MAX_ACCEL_BIAS, bound_bias
 from h2nav.attitude.velocity_aided.kernel.theta import MAX_WALK
+from h2nav.attitude.velocity_aided.memory import State, Workspace
 from h2nav.maths import quaternion
 
 FORCE_BIAS = (0.3, -0.3)
@@ -54,10 +56,12 @@ def with_gyro_noise(drive: Drive, sigma_rad_s: float, seed: int) -> Drive:
 # --- accelerometer ------------------------------------------------------------------------------
 
 
-def with_force_bias(drive: Drive) -> Drive:
+def with_force_bias(drive: Drive, times: float = 1.0) -> Drive:
+    a, b = (times * part for part in FORCE_BIAS)
+
     def change(_i: int, sample: ImuSample) -> ImuSample:
         x, y, z = sample.f_b
-        return sample._replace(f_b=(x + FORCE_BIAS[0], y + FORCE_BIAS[1], z))
+        return sample._replace(f_b=(x + a, y + b, z))
 
     return with_samples(drive, change)
 
@@ -79,6 +83,37 @@ def test_while_the_tilt_is_doubted_velocities_teach_no_bias_of_the_accelerometer
     learnt = max(map(abs, filter_.sensor_errors.force_bias_b))
     assert (learnt > 0.1) is is_learnt
     assert is_learnt or learnt < 0.01
+
+
+def test_the_bias_of_the_accelerometer_stays_within_data_sheets() -> None:
+    """It was learnt as 94 mg: so may be what a gyro has done to the velocities."""
+    drive = with_force_bias(accelerating(90.0, 21, law=turning), 4.0)
+    filter_ = new_filter()
+    most_g = 0.0
+    for first in range(0, len(drive.v_n), 500):
+        follow(filter_, part(drive, first, first + 500))
+        most_g = max(most_g, *map(abs, filter_.kernel_state.accel_bias[:]))
+    assert 0.05 < most_g <= MAX_ACCEL_BIAS
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_bias_beyond_data_sheets_gives_the_estimates_of_one_at_their_limit(axis: int) -> None:
+    rng = np.random.default_rng(41)
+    root = rng.normal(size=(9, 9)) * ([0.002] * 3 + [0.1] + [0.005] * 2 + [0.02] * 3)
+    covariance = root.T @ root
+    s, w, g = State(), Workspace(), new_filter().kernel_gains
+    s.p_accel[:] = covariance[[4, 4, 5], [4, 5, 5]].tolist()
+    s.p_accel_x[:], s.p_accel_y[:] = covariance[4:6, :4].tolist()
+    s.p_accel_offset[:] = covariance[4:6, 6:].ravel().tolist()
+    learnt = rng.normal(size=9)
+    learnt[4:6] = 0.0
+    learnt[4 + axis] = -MAX_ACCEL_BIAS - 0.04
+    w.dtheta[:], w.daccel[:], w.doffset[:] = (p.tolist() for p in np.split(learnt, [4, 6]))
+    bound_bias(s, w, g, axis, (s.p_accel_x, s.p_accel_y)[axis])
+    column = covariance[:, 4 + axis]
+    at_limit = learnt + column / column[4 + axis] * 0.04
+    assert [*w.dtheta, *w.daccel, *w.doffset] == pytest.approx(at_limit.tolist())
+    assert s.p_accel[2 * axis] == max(column[4 + axis], g.accel_variance)
 
 
 def test_the_bias_of_the_accelerometer_is_learnt_and_no_longer_tilts() -> None:

@@ -7,6 +7,7 @@ from ..memory import Gains, State, Workspace
 from .field_offset import shrink_offset, times_offset
 from .theta import shrink, times_covariance
 
+MAX_ACCEL_BIAS = 0.06  # g: the limit of data sheets
 MATCHING_S = 30.0  # mean over so many independent values of the low-passed innovation: six
 
 
@@ -143,13 +144,56 @@ def use_gains(s: State, accel_n: float, accel_e: float, kt: float, kv: float) ->
     s.dvelocity_lag[1] = s.dvelocity_lag[1] - kv * part
 
 
+def bound_bias(s: State, w: Workspace, g: Gains, axis: int, with_theta: list[float]) -> None:
+    """Keeps an axis of the bias that the corrections lead to within data sheets.
+
+    What is beyond is no bias of an accelerometer: all estimates become those of a bias at the
+    limit, and the bias is known no better than beforehand.
+
+    Args:
+        s: state.
+        w: workspace, whose corrections change.
+        g: gains.
+        axis: of the bias, 0 or 1.
+        with_theta: its covariance with theta.
+
+    Source: docs/filter.md Eq. (78).
+    """
+    bias = s.accel_bias[axis] + w.daccel[axis]
+    excess = bias - within_limit(bias)
+    variance = s.p_accel[2 * axis]
+    if excess == 0.0 or variance <= 0.0:
+        return
+    e = excess / variance
+    for i in range(4):
+        w.dtheta[i] = w.dtheta[i] - with_theta[i] * e
+    for i in range(3):
+        w.doffset[i] = w.doffset[i] - s.p_accel_offset[3 * axis + i] * e
+    w.daccel[axis] = w.daccel[axis] - excess
+    w.daccel[1 - axis] = w.daccel[1 - axis] - s.p_accel[1] * e
+    if variance < g.accel_variance:
+        s.p_accel[2 * axis] = g.accel_variance
+
+
+def within_limit(bias: float) -> float:
+    """The nearest bias of the accelerometer within data sheets, g."""
+    if bias > MAX_ACCEL_BIAS:
+        return MAX_ACCEL_BIAS
+    if bias < -MAX_ACCEL_BIAS:
+        return -MAX_ACCEL_BIAS
+    return bias
+
+
 def correct_accel(s: State, w: Workspace, g: Gains) -> None:
     """Applies the corrections of bias, latency and velocity.
 
-    Source: docs/filter.md Eq. (19).
+    Source: docs/filter.md Eq. (19), (78).
     """
-    s.accel_bias[0] = s.accel_bias[0] + w.daccel[0]
-    s.accel_bias[1] = s.accel_bias[1] + w.daccel[1]
+    bound_bias(s, w, g, 0, s.p_accel_x)
+    bound_bias(s, w, g, 1, s.p_accel_y)
+    for i in range(2):
+        # One axis at its limit may have moved the other a little beyond its own.
+        s.accel_bias[i] = within_limit(s.accel_bias[i] + w.daccel[i])
     lag = s.fix_lag_s + w.dfix_lag
     if lag < -s.fix_removed_s:
         # A fix is late, not early; too much may have been removed from its time.
