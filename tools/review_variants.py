@@ -40,6 +40,7 @@ SETTLED_S = 2.0
 SUBJECTS = {
     "no_gps": "GPS",
     "no_compass": "compasses",
+    "no_attitude": "attitude against its demand",
     "no_outputs": "motors",
     "no_battery": "battery",
 }

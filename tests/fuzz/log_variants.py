@@ -1,7 +1,8 @@
 """Logs made of other logs, whose right review follows from the other's: no dice, any format.
 
 A log may begin or end in flight, lack a message, hold the first of several sensors alone, or half
-of the IMU's samples; a link may be slow, and carry another component's streams.
+of the IMU's samples; it may pause, lose blocks, be of an unknown vehicle, know no place, or be
+written as text; a link may be slow, and carry another component's streams.
 """
 
 import re
@@ -11,11 +12,16 @@ from itertools import count
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fuzz.worn_logs import FMT_LENGTH, Log, Row
+from fuzz.worn_logs import FMT_LENGTH, Log, Row, log_of, text_of
 
+GPS = r"GP[SAB]2?|GPSB|UBX\d|GRA\w|sensor_gps|vehicle_gps_position|GPS_RAW_INT|GPS2_RAW"
+PLACES = (
+    r"|POS|ORGN|HOME|CMD|TERR|NTUN|AHR2|vehicle_global_position|home_position"
+    r"|GLOBAL_POSITION_INT|GPS_GLOBAL_ORIGIN|HOME_POSITION|AHRS[23]|TERRAIN_REPORT"
+)
 # What is left out, by the names of messages and topics.
 GROUPS = {
-    "gps": r"GP[SAB]2?|GPSB|UBX\d|GRA\w|sensor_gps|vehicle_gps_position|GPS_RAW_INT|GPS2_RAW",
+    "gps": GPS,
     "compass": r"MAG\d?|COMPASS|sensor_mag|vehicle_magnetometer",
     "barometer": r"BARO?\d?|sensor_baro|vehicle_air_data|SCALED_PRESSURE\d?",
     "attitude": r"ATT|vehicle_attitude(_setpoint)?|ATTITUDE\w*",
@@ -30,13 +36,18 @@ GROUPS = {
     "battery": r"CURR|BAT\d?|BCL|POWR|battery_status|system_power|SYS_STATUS|BATTERY_STATUS",
     "texts": r"MSG|L|STATUSTEXT",
     "control": r"CTUN|NTUN|PSC\w|PM|RATE|VFR_HUD",
+    "place": GPS + PLACES,
     "sticks": r"RCIN|RCI2|input_rc|manual_control_setpoint|RC_CHANNELS\w*",
 }
 IMU = r"IMU\d?|sensor_(combined|accel|gyro)|vehicle_imu|RAW_IMU|SCALED_IMU\d?|HIGHRES_IMU"
 FURTHER = r"(IMU|MAG)[23]|SCALED_IMU[23]"
 # Written at the beginning of every log, whenever that is.
 OF_EVERY_LOG = r"PARM|FMTU|UNIT|MULT|VER|P|I|Q|M|A|PARAM_VALUE|HEARTBEAT"
-BEGINS, ENDS = 0.4, 0.6
+# Who it is and how it is set.
+IDENTITY = r"MSG|STATUSTEXT|VER|PARM|PARAM_VALUE|[PQIM]"
+BEGINS, ENDS, SHORT = 0.4, 0.6, 0.1
+# A logger that pauses for a fifth of the rows, and one that loses each tenth block.
+PAUSES, BLOCK, LOST = (0.4, 0.6), 40, 10
 # One of so many frames, but for what is sent seldom.
 SLOW, SELDOM = 4, r"HEARTBEAT|PARAM_VALUE|STATUSTEXT"
 # Another component: a gimbal, which moves by itself, among every so many rows.
@@ -88,6 +99,8 @@ def variants(log: Log) -> Iterator[tuple[str, Log]]:
         rows = list(kept)
         if rows != log.rows:
             yield name, log._replace(rows=rows)
+    if log.ending == ".bin":
+        yield "as_text", log_of("a.log", text_of(log.bytes()))
 
 
 def _kept(log: Log, names: Names) -> Iterator[tuple[str, Iterable[Row]]]:
@@ -95,6 +108,14 @@ def _kept(log: Log, names: Names) -> Iterator[tuple[str, Iterable[Row]]]:
     begin, end = round(BEGINS * len(rows)), round(ENDS * len(rows))
     yield "begins", [*_of_every_log(rows[:begin], names), *rows[begin:]]
     yield "ends", [*rows[:end], *_of_every_log(rows[end:], names)]
+    yield "short", rows[: round(SHORT * len(rows))]
+    first, after = (round(share * len(rows)) for share in PAUSES)
+    yield "paused", [*rows[:first], *_of_every_log(rows[first:after], names), *rows[after:]]
+    yield "lossy", (row for place, row in enumerate(rows) if place // BLOCK % LOST != LOST - 1)
+    yield "unknown", (row for row in rows if not names.fits(row, IDENTITY))
+    bare = f"{IMU}|{GROUPS['attitude']}|{OF_EVERY_LOG}"
+    yield "bare", (row for row in rows if names.fits(row, bare))
+    yield "fifth_rate", _one_of(5, rows, lambda row: names.fits(row, IMU), names)
     yield "half_rate", _one_of(2, rows, lambda row: names.fits(row, IMU), names)
     several = f"{IMU}|{GROUPS['compass']}"
     yield (

@@ -36,6 +36,37 @@ def test_a_variant_keeps_what_every_reader_needs_and_leaves_out_what_it_is_named
     assert min(begun) > first
 
 
+def test_a_variant_of_an_unknown_vehicle_or_place_has_no_message_that_tells_it(logs):
+    for ending, log in logs.items():
+        names, made = Names(log), dict(variants(log))
+        assert not any(names.fits(row, "GPS|POS|GPS_RAW_INT") for row in made["no_place"].rows)
+        bare = {row.kind for row in made["bare"].rows}
+        assert bare < {row.kind for row in log.rows}
+        if ending != ".ulg":  # its parameters and texts are in its head
+            told = "MSG|PARM|STATUSTEXT|PARAM_VALUE"
+            kept = [row for row in log.rows if not names.fits(row, told)]
+            assert made.get("unknown", log).rows == kept
+
+
+def test_a_logger_pauses_and_loses_blocks(logs):
+    for log in logs.values():
+        made = dict(variants(log))
+        count = len(log.rows)
+        assert len(made["lossy"].rows) == pytest.approx(0.9 * count, abs=40)
+        assert len(made["paused"].rows) < 0.9 * count
+        assert made["paused"].rows[-1] == log.rows[-1]
+        assert len(made["short"].rows) == round(0.1 * count)
+
+
+def test_a_binary_log_is_written_as_text_without_its_torn_end(logs):
+    text = dict(variants(logs[".bin"]))["as_text"]
+    assert text.ending == ".log"
+    assert len(text.rows) == len(logs[".bin"].rows)
+    *whole, last = logs[".bin"].rows
+    torn = logs[".bin"]._replace(rows=[*whole, last._replace(data=last.data[:-1])])
+    assert dict(variants(torn))["as_text"].rows == text.rows[:-1]
+
+
 def test_of_several_imus_the_first_is_left(logs):
     for ending in (".bin", ".ulg"):
         names, made = Names(logs[ending]), dict(variants(logs[ending]))

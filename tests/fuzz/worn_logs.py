@@ -164,6 +164,8 @@ def text_of(data: bytes) -> bytes:
         columns[texts[0]] = texts[1]
         lines.write(f"FMT, {number}, {size}, {', '.join(texts)}\n".encode())
     for row in log.rows:
+        if len(row.data) < 3 + sum(WIDTHS[letter] for letter in columns[row.kind]):
+            continue  # the log ends in it
         lines.write(f"{', '.join((row.kind, *_values(row.data, columns[row.kind])))}\n".encode())
     return lines.getvalue()
 
