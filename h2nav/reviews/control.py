@@ -11,10 +11,10 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
-from h2nav.recordings.context import Array, AttitudeTrack, Context, Series
+from h2nav.recordings.context import Array, AttitudeTrack, Context, Series, Span
 from h2nav.recordings.rotations import roll_pitch_heading
 from h2nav.reviews.impacts import TURNED_RAD, TURNED_WITHIN_S, Bins, Impact, in_flight
-from h2nav.reviews.inertial import Mask, runs
+from h2nav.reviews.inertial import Mask, runs, within
 
 GRID_S = 0.1
 # DroneKit-LA calls 10 deg for half a second a failure of control; sound flights of old autopilots
@@ -41,13 +41,16 @@ class ControlErrors(NamedTuple):
     flies: Mask  # (N,) armed, driven, and in a mode that asks for attitudes
 
 
-def detect_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> list[Finding]:
+def detect_control(
+    bins: Bins, context: Context, impacts: Sequence[Impact], lifted: Sequence[Span]
+) -> list[Finding]:
     """Finds losses of control, before each impact and without one.
 
     Args:
         bins: of the soundest IMU.
         context: attitudes, demands, modes, armed state.
         impacts: crashes.
+        lifted: while it was off the ground; what stands there follows no demand.
     """
     errors = control_errors(bins, context)
     found = []
@@ -58,7 +61,7 @@ def detect_control(bins: Bins, context: Context, impacts: Sequence[Impact]) -> l
             lost = _turned_over(impact)
         found += [] if lost is None else [lost]
     if errors is not None and context.motors is not None:
-        found += _alone(errors, bins, impacts)
+        found += _alone(errors, bins, impacts, lifted)
     return found
 
 
@@ -147,15 +150,18 @@ def _turning_since(off: Mask, rate: Array) -> Mask:
     return found
 
 
-def _alone(errors: ControlErrors, bins: Bins, impacts: Sequence[Impact]) -> list[Finding]:
+def _alone(
+    errors: ControlErrors, bins: Bins, impacts: Sequence[Impact], lifted: Sequence[Span]
+) -> list[Finding]:
     """Attitudes that went far from their demand and stayed there, wherever it ended.
 
     An estimator that tumbles by itself also leaves the demand, so the vehicle must turn. Who was
     never near to it has lost nothing.
     """
     found = []
+    aloft = errors.flies & within(errors.t_s, lifted)
     held_s = GRID_S * np.cumsum((errors.size_rad < LEFT_RAD) & errors.flies)
-    for first, last in runs((errors.size_rad > LOST_RAD) & errors.flies):
+    for first, last in runs((errors.size_rad > LOST_RAD) & aloft):
         t_s = errors.t_s[first]
         known = any(i.t_s - BEFORE_S < t_s <= i.to_s + BEFORE_S for i in impacts)
         near = (bins.t_s > t_s - LOST_S) & (bins.t_s < t_s + LOST_S)

@@ -177,7 +177,9 @@ def blows(evidence: FlightEvidence) -> tuple[Impact, ...]:
     if track is None or binned_ is None:
         return ()
     context = evidence.of(recorded)
-    return with_contacts(impacts(track, context), evidence.of(met), binned_, context)
+    return with_contacts(
+        impacts(track, context, evidence.of(vertical)), evidence.of(met), binned_, context
+    )
 
 
 def rate_hz(evidence: FlightEvidence) -> float:

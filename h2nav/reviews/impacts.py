@@ -18,7 +18,7 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
-from h2nav.reviews.vertical import Contact
+from h2nav.reviews.vertical import AGREE_M_S, MIN_DESCENT_M_S, Climb, Contact
 
 BIN_S = 0.1
 # A vehicle at rest on its side: the direction of the force stays within, and its size near gravity,
@@ -29,6 +29,8 @@ STEADY_BINS, STEADY_RAD = 5, 6.0 * DEG
 MIN_G, MAX_G = 0.7, 1.3
 LYING_RAD, LYING_ELSE_RAD = 30.0 * DEG, 45.0 * DEG
 STILL_RAD_S = 3.0 * DEG
+# And it stays there: sources that agree on a climb or a descent for this long deny it.
+STAYS_S, MOVES_S = 4.0, 0.3
 # Rougher and quicker than a person turning the vehicle over by hand.
 TOPPLED_G, TOPPLED_S = 2.0, 6.0
 # A blow begins where the force leaves what is usual, before it is half as hard as it gets.
@@ -105,18 +107,25 @@ def detect_impacts(blows: Sequence[Impact]) -> list[Finding]:
     return [_finding(blow) for blow in blows]
 
 
-def impacts(track: ImuTrack, context: Context) -> list[Impact]:
-    """All crashes, in order."""
+def impacts(track: ImuTrack, context: Context, vertical: Sequence[Climb]) -> list[Impact]:
+    """All crashes, in order.
+
+    Args:
+        track: samples of an IMU, as recorded.
+        context: armed state, outputs, heights.
+        vertical: the vertical speed by every source.
+    """
     if len(track.t_s) < 2 * STEADY_BINS:
         return []
     found: list[Impact] = []
     bins = binned(track, context)
     stood = _standing(bins, context.armed)
+    lies = _lies(bins, stood, context) & _stays(vertical, bins.t_s)
     for span in context.armed:
         later = [other.from_s for other in context.armed if other.from_s >= span.to_s]
         end_s = min([span.to_s + AFTER_S, *later])
         part = (bins.t_s >= span.from_s) & (bins.t_s < end_s)
-        found += _in_span(bins.part(part), stood, span, context)
+        found += _in_span(bins.part(part), lies[part], stood, span)
     return found
 
 
@@ -343,8 +352,7 @@ def _standing(bins: Bins, armed: tuple[Span, ...]) -> Array:
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
 
 
-def _in_span(bins: Bins, stood: Array, span: Span, context: Context) -> list[Impact]:
-    lies = _lies(bins, stood, context)
+def _in_span(bins: Bins, lies: Mask, stood: Array, span: Span) -> list[Impact]:
     blows = _blows(bins, span)
     found: list[Impact] = []
     since = 0
@@ -396,6 +404,25 @@ def _lies(bins: Bins, stood: Array, context: Context) -> Mask:
         rate = np.linalg.norm(bins.w_b, axis=1)
         lies &= (rate < STILL_RAD_S) & (np.abs(np.diff(rate, append=rate[-1:])) < STILL_RAD_S)
     return lies
+
+
+def _stays(vertical: Sequence[Climb], t_s: Array) -> Mask:
+    """(N,) whether no two sources agree that it climbs or sinks within seconds of it.
+
+    In a strong vibration seldom samples show a steady force of any direction by chance.
+    """
+    stays = np.ones(len(t_s), dtype=bool)
+    for place, one in enumerate(vertical):
+        for other in vertical[place + 1 :]:
+            slower = np.minimum(np.abs(one.climb_m_s), np.abs(other.climb_m_s))
+            moves = (slower > MIN_DESCENT_M_S) & (
+                np.abs(one.climb_m_s - other.climb_m_s) < AGREE_M_S
+            )
+            for first, last in runs(moves):
+                from_s, to_s = one.t_s[first], one.t_s[last]
+                if to_s - from_s >= MOVES_S:
+                    stays &= ~((t_s > from_s - STAYS_S) & (t_s < to_s))
+    return stays
 
 
 def _blows(bins: Bins, span: Span) -> Mask:

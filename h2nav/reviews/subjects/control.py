@@ -49,7 +49,7 @@ KINDS = (
             "the autopilot's attitude against its demand while it flies and turns; without a "
             "demand, the gyro"
         ),
-        limit="20 deg until an impact; 45 deg for 1 s without one",
+        limit="20 deg until an impact; 45 deg for 1 s off the ground without one",
     ),
 )
 
@@ -59,7 +59,12 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     bins = evidence.of(parts.bins)
     if bins is None:
         return []
-    return detect_control(bins, evidence.of(parts.recorded), evidence.of(parts.crashes))
+    return detect_control(
+        bins,
+        evidence.of(parts.recorded),
+        evidence.of(parts.crashes),
+        evidence.of(parts.lifted),
+    )
 
 
 SUBJECT = ReviewSubject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)

@@ -69,6 +69,12 @@ def barometer(evidence: FlightEvidence) -> str:
     return "no barometer" if evidence.of(parts.recorded).baro_height_m is None else ""
 
 
+def texts(evidence: FlightEvidence) -> str:
+    """Anything that it said, or reported as a code."""
+    context = evidence.of(parts.recorded)
+    return "" if context.said or context.faults else "none was recorded"
+
+
 def attitudes(evidence: FlightEvidence) -> str:
     """An attitude of the autopilot."""
     return "" if evidence.of(parts.recorded).attitudes else "no attitude of the autopilot"

@@ -95,4 +95,4 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     return detect_texts(evidence.of(parts.recorded))
 
 
-SUBJECT = ReviewSubject("texts of the autopilot", KINDS, (needs.times,), look)
+SUBJECT = ReviewSubject("texts of the autopilot", KINDS, (needs.times, needs.texts), look)

@@ -51,8 +51,8 @@ def context(roll_rad, demand_rad=0.0, **changes):
     return Context(attitudes=(track,), **(given | changes))
 
 
-def lost(roll_rad, rate_rad_s=0.0, impacts=(), **changes):
-    found = detect_control(bins(rate_rad_s), context(roll_rad, **changes), impacts)
+def lost(roll_rad, rate_rad_s=0.0, impacts=(), lifted=FLIGHT, **changes):
+    found = detect_control(bins(rate_rad_s), context(roll_rad, **changes), impacts, lifted)
     assert len(found) <= 1
     return found[0] if found else None
 
@@ -82,6 +82,12 @@ def test_without_an_impact_it_went_far_and_stayed(tilt_deg, length_s, turns, is_
         assert found.text == "roll +46 deg where +0 was demanded"
         assert "left its demand by more than 20 deg" in found.evidence
         assert "at most 46 deg" in found.evidence
+
+
+@pytest.mark.parametrize(("to_s", "is_lost"), [(29.0, False), (60.0, True)])
+def test_who_stands_on_the_ground_loses_nothing(to_s, is_lost):
+    found = lost(60.0 * DEG * between(30.0, 5.0), TURN, lifted=(Span(0.0, to_s, ""),))
+    assert (found is not None) == is_lost
 
 
 def test_what_is_demanded_is_not_lost():

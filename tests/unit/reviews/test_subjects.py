@@ -9,6 +9,7 @@ from reviewed_flights import flight
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import MEANINGS, FlightKind
+from h2nav.recordings.context import Said
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.declared import FlightEvidence
@@ -92,6 +93,15 @@ def test_a_recording_without_anything_names_what_could_not_be_looked_at():
     blind = analyse(empty._replace(context=empty.context._replace(imus=(), motors=None)))
     assert dict(blind.blind)["motors"]
     assert "motors" not in blind.looked_at
+
+
+def test_an_autopilot_that_said_nothing_may_not_have_been_heard():
+    silent = flight()
+    assert "texts of the autopilot" in dict(analyse(silent).blind)
+    said = silent._replace(
+        context=silent.context._replace(said=(Said(1.0, Severity.INFO, "ready"),))
+    )
+    assert "texts of the autopilot" in analyse(said).looked_at
 
 
 def test_what_a_compass_lacks_to_be_judged_is_said():

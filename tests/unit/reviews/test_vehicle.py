@@ -164,6 +164,32 @@ def test_a_second_impact_has_its_own_time():
     assert times == pytest.approx([60.0, 100.0], abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("climb_m_s", "other_m_s", "length_s", "is_crash"),
+    [
+        (-3.0, -3.0, 1.5, False),
+        (3.0, 2.5, 1.5, False),
+        (-1.5, -1.5, 1.5, True),
+        (-3.0, 0.0, 1.5, True),
+        (-3.0, -3.0, 0.2, True),
+    ],
+)
+def test_what_two_sources_show_to_climb_or_sink_does_not_lie(
+    climb_m_s, other_m_s, length_s, is_crash
+):
+    """However steady its force: seldom samples of a vibration may show any."""
+    flown = tipped(multirotor(), 60.0)
+    moves = (T_S > 60.2) & (60.2 + length_s > T_S)
+    height = Series(T_S, 20.0 + np.cumsum(np.where(moves, other_m_s, 0.0)) * (T_S[1] - T_S[0]))
+    climb = Series(T_S, np.where(moves, climb_m_s, 0.0))
+    context = flown.context._replace(climb_m_s=climb, baro_height_m=height)
+    first = context.imus[0]
+    # It did not turn over.
+    upright = first._replace(w_b=np.where((first.t_s > 59.0)[:, None], 0.0, first.w_b))
+    found = analyse(flown._replace(context=context._replace(imus=(upright,)))).impacts
+    assert any(one.is_crash for one in found) == is_crash
+
+
 def test_a_crash_check_without_a_crash_is_false():
     fault = ReportedFault(60.0, "crash_check", 1, "crash detected")
     found = kinds(multirotor(faults=(fault,)))
@@ -203,7 +229,7 @@ def test_what_kept_to_its_demand_until_the_blow_was_not_lost(is_asked):
     """However far the gyro turned, by samples that are too seldom for what shook it."""
     context = multirotor().context._replace(**({} if is_asked else {"demand": None}))
     impact = Impact(60.0, 61.0, 20.0, 9.0, np.nan, 2.0, 58.5, is_crash=True)
-    lost = detect_control(binned(context.imus[0], context), context, [impact])
+    lost = detect_control(binned(context.imus[0], context), context, [impact], ())
     said = [] if is_asked else ["it turned over by 115 deg"]
     assert [one.text for one in lost] == said
 
