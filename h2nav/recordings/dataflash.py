@@ -384,10 +384,13 @@ def _modes(log: DataflashRows, kind: VehicleKind) -> tuple[Span, ...]:
     if rows is None:
         return ()
     if rows.table.kind("Mode") == "S":
-        names = rows.table.texts("Mode")
+        # In a text: names, or numbers.
+        words = rows.table.texts("Mode")
     else:
-        numbers = rows.table.integers("Mode").tolist()
-        names = [str(kind.modes.get(number, f"mode {number}")) for number in numbers]
+        words = [str(number) for number in rows.table.integers("Mode").tolist()]
+    names = [
+        kind.modes.get(int(word), f"mode {word}") if word.isdecimal() else word for word in words
+    ]
     return log.spans(rows, names)
 
 

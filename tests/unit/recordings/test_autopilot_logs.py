@@ -20,6 +20,7 @@ from made_logs import (
 )
 from needs import DEG, shared_data
 
+from fuzz.worn_logs import text_of
 from h2nav.apps.playback import Playback, PlaybackOptions, inputs_for, pipeline_for
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.maths import quaternion
@@ -256,6 +257,15 @@ def log_without_times(errors: Any = ((11, 2),)) -> DataflashWriter:
     for subsystem, code in errors:
         writer.add("ERR", "BB", "Subsys,ECode", t_us[[200]] + 1, subsystem, code)
     return writer
+
+
+@pytest.mark.parametrize("word", ["5", "LOITER"])
+def test_a_text_writes_modes_as_names_or_as_numbers(tmp_path: Path, word: str) -> None:
+    """As those that were made of a binary do, or those that the autopilot sent."""
+    text = text_of(log_without_times().bytes())
+    assert b"MODE, 5, 500" in text
+    renamed = text.replace(b"MODE, 5, 500", f"MODE, {word}, 500".encode())
+    assert [span.name for span in opened(tmp_path, renamed).context().modes] == ["LOITER"]
 
 
 def test_what_has_no_time_has_that_of_its_place(tmp_path: Path) -> None:
