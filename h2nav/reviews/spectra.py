@@ -12,7 +12,7 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import GRAVITY_M_S2
-from h2nav.recordings.context import Array, Burst, ImuTrack, Span
+from h2nav.recordings.context import Array, Burst, ImuTrack, Span, VibrationTrack
 from h2nav.reviews.inertial import Mask, within
 from h2nav.reviews.tracks import Peak, Spectrum, Vibrations
 
@@ -48,6 +48,8 @@ VIBE_FLOOR_HZ, VIBE_LEVEL_HZ = 5.0, 2.0
 MAX_CLIPPED = 100
 CLIPPED_M_S2 = 15.5 * GRAVITY_M_S2
 LEVELS = 2000
+# A landing, or a bump, shakes it for some seconds.
+MEASURED_S = 10.0
 LASTING_S = 1.0
 BLOCK = 128
 
@@ -381,6 +383,46 @@ def _level(track: ImuTrack, level: Array, flying: Mask, rate_hz: float) -> list[
             "m/s^2",
             f"vibration up to {size:.0f} m/s^2",
             evidence,
+        )
+    ]
+
+
+def is_measured(measured: VibrationTrack) -> Mask:
+    """(N,) rows with a level by ArduPilot; PX4's metric has other limits."""
+    if measured.level.shape[1:] != (3,):
+        return np.zeros(len(measured.t_s), dtype=bool)
+    return np.asarray(np.isfinite(measured.level).any(axis=1))
+
+
+def detect_measured(measured: VibrationTrack, armed: tuple[Span, ...]) -> list[Finding]:
+    """The level that the autopilot measured, where its log has too few samples to show it.
+
+    Args:
+        measured: at the sensor's own rate.
+        armed: while the motors could turn.
+    """
+    known = is_measured(measured)
+    t_s, level = measured.t_s[known], measured.level[known]
+    if len(t_s) < 2:
+        return []
+    worst = np.nanmax(level, axis=1)
+    period_s = float(np.median(np.diff(t_s)))
+    places = np.flatnonzero((worst > VIBE_LIMIT_M_S2) & within(t_s, armed))
+    if len(places) * period_s < MEASURED_S:
+        return []
+    size = float(worst[places].max())
+    return [
+        Finding(
+            Kind.VIBRATION_LEVEL,
+            Sensor(SensorKind.IMU, measured.imu + 1),
+            Severity.WARNING,
+            float(t_s[places[0]]),
+            float(t_s[places[-1]]),
+            size,
+            "m/s^2",
+            f"vibration up to {size:.0f} m/s^2",
+            f"above {VIBE_LIMIT_M_S2:.0f} m/s^2 for {len(places) * period_s:.0f} s, as the "
+            f"autopilot measured it; {VIBE_BAD_M_S2:.0f} is nearly always trouble",
         )
     ]
 

@@ -5,6 +5,7 @@ import numpy as np
 from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence, Need
+from h2nav.reviews.spectra import is_measured
 from h2nav.reviews.supply import BATTERY, reported
 
 # A blow lasts for some 20 ms; a vehicle itself moves with up to 5 Hz, and a vibration is what is
@@ -109,6 +110,12 @@ def shaking(evidence: FlightEvidence) -> str:
     """Samples quick enough for a vibration."""
     rate = evidence.of(parts.rate_hz)
     return "" if rate >= SHAKEN_HZ else f"{rate:.0f} samples a second show none"
+
+
+def vibration(evidence: FlightEvidence) -> str:
+    """The same, or the autopilot's own measure."""
+    measured = evidence.of(parts.recorded).vibrations
+    return "" if any(is_measured(one).any() for one in measured) else shaking(evidence)
 
 
 ALWAYS: tuple[Need, ...] = (times, imu)

@@ -6,7 +6,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
 from h2nav.reviews.shaking import detect_shaking
-from h2nav.reviews.spectra import detect_spectra, detect_vibration
+from h2nav.reviews.spectra import detect_measured, detect_spectra, detect_vibration
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import Spectrum, Vibrations
 
@@ -19,9 +19,10 @@ KINDS = (
         follows=(Kind.VIBRATION,),
         shown_by=(
             "ArduPilot's VIBE: above 5 Hz, squares smoothed by 2 Hz, while armed; not where a "
-            "check in flight has reported it"
+            "check in flight has reported it; as the autopilot measured it, where its log has less "
+            "than 20 samples a second"
         ),
-        limit="30 m/s^2 for 1 s",
+        limit="30 m/s^2 for 1 s; as measured, for 10 s",
     ),
     Declared(
         Kind.VIBRATION_LINE,
@@ -63,14 +64,22 @@ def spectra(evidence: FlightEvidence) -> tuple[tuple[Spectrum, ...], list[Findin
 
 def look(evidence: FlightEvidence) -> list[Finding]:
     """See `spectra` and `shaking`."""
+    context, armed = evidence.of(parts.recorded), evidence.of(parts.unharmed).armed
+    if needs.shaking(evidence):
+        measured = (
+            one
+            for one in context.vibrations
+            if not parts.is_reported(evidence, Kind.VIBRATION, one.imu)
+        )
+        return [finding for one in measured for finding in detect_measured(one, armed)]
     found = [*evidence.of(levels)[1], *evidence.of(spectra)[1]]
     bins = evidence.of(parts.bins)
     if bins is None:
         return found
-    context, blows = evidence.of(parts.recorded), evidence.of(parts.blows)
+    blows = evidence.of(parts.blows)
     for track in evidence.of(parts.sampled):
         found += detect_shaking(track, bins, context, blows)
     return found
 
 
-SUBJECT = ReviewSubject("vibration", KINDS, (needs.imu, needs.shaking), look)
+SUBJECT = ReviewSubject("vibration", KINDS, (needs.imu, needs.vibration), look)

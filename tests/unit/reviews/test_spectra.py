@@ -5,7 +5,7 @@ import pytest
 from reviewed_flights import DURATION_S, flight, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.recordings.context import Burst
+from h2nav.recordings.context import Burst, VibrationTrack
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.spectra import vibe
 
@@ -99,6 +99,40 @@ def test_strong_vibration_is_told_once():
     )
     again = analyse(flown._replace(findings=(in_flight,))).findings
     assert "vibration_level" not in {f.kind for f in again}
+
+
+@pytest.mark.parametrize(
+    ("level_m_s2", "lasts_s", "axes", "is_told"),
+    [
+        (31.0, 11.0, 3, True),
+        (29.0, 11.0, 3, False),
+        (31.0, 9.0, 3, False),  # a landing
+        (31.0, 11.0, 1, False),  # PX4's metric
+    ],
+)
+def test_where_samples_are_too_seldom_the_autopilots_own_level_tells(
+    level_m_s2, lasts_s, axes, is_told
+):
+    flown = flight()
+    t_s = np.arange(0.0, 100.0, 0.2)
+    level = np.full((len(t_s), axes), 2.0)
+    level[(t_s > 40.0) & (t_s < 40.0 + lasts_s), -1] = level_m_s2
+    measured = (VibrationTrack(0, t_s, level, 0.0 * t_s),)
+    seldom = flown.context.imus[0]
+    rows = slice(None, None, round(0.1 / float(np.median(np.diff(seldom.t_s)))))
+    seldom = seldom._replace(**{
+        name: getattr(seldom, name)[rows] for name in ("t_s", "stamp_us", "w_b", "f_b", "m_b_ut")
+    })  # fmt: skip
+    for imu, is_seldom in ((seldom, True), (flown.context.imus[0], False)):
+        context = flown.context._replace(imus=(imu,), vibrations=measured)
+        found = analyse(flown._replace(context=context))
+        told = [one for one in found.findings if one.kind is Kind.VIBRATION_LEVEL]
+        assert len(told) == (is_told and is_seldom)
+        assert ("vibration" in found.looked_at) == (axes == 3 or not is_seldom)
+        for one in told:
+            assert one.from_s == pytest.approx(40.2, abs=0.01)
+            assert one.to_s == pytest.approx(50.8, abs=0.01)
+            assert one.text == "vibration up to 31 m/s^2"
 
 
 def test_clipped_samples_are_counted_in_flight():
