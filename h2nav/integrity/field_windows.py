@@ -36,6 +36,7 @@ RIGID_NORM = 0.1
 MOSTLY = 2.0
 # Of a force that accelerates the vehicle by 2 m/s^2, and a calibrated field.
 LARGEST_LEAN_RAD = 15.0 * DEG
+UP_N: Vec3 = (0.0, 0.0, -1.0)
 
 
 class FieldRow(NamedTuple):
@@ -45,6 +46,7 @@ class FieldRow(NamedTuple):
     field_s: Vec3  # direction of the field, strapdown's frame
     norm_ut: float  # of the field
     force_s: Vec3  # specific force, m/s in this second, strapdown's frame
+    lean_rad: float  # of that force from the vertical, by the attitude
     heading_rad: float  # of the field by the attitude, minus its declination
     dip_rad: float  # of the field by the attitude
     sigma_tilt_rad: float  # of the attitude
@@ -143,6 +145,16 @@ class FieldWindows:
         """Whether the norm of the latest row, independent of any attitude, is the earth's."""
         return abs(self.norm_share - 1.0) < GATE * NORM_SIGMA
 
+    @property
+    def lean_rad(self) -> float | None:
+        """By how much the latest force leans by the attitude, if field and force are the earth's.
+
+        None if their norm and angle, independent of any attitude, are not; or if it is unknown.
+        """
+        if self.reference is None or not self._rows or not self._is_of_earth(self._rows[-1]):
+            return None
+        return self._rows[-1].lean_rad
+
     def turn(self, rows: int) -> tuple[float, float]:
         """Turn of the field in space over so many seconds, rad, and its test ratio.
 
@@ -196,13 +208,15 @@ class FieldWindows:
         f_x, f_y, f_z = memory.row_field_s[:]
         a_x, a_y, a_z = memory.row_force_s[:]
         field: Vec3 = (f_x, f_y, f_z)
+        force: Vec3 = (a_x, a_y, a_z)
         north, east, down = rotate(now.q_ns, field)
         declination = 0.0 if self.reference is None else self.reference.declination_rad
         return FieldRow(
             now.t_us,
             field,
             memory.row_norm,
-            (a_x, a_y, a_z),
+            force,
+            _angle(rotate(now.q_ns, force), UP_N),
             math.remainder(math.atan2(east, north) - declination, math.tau),
             math.atan2(down, math.hypot(north, east)),
             now.sigma_tilt_rad,

@@ -45,6 +45,7 @@ from h2nav.integrity.kernel.memory import (
     UNSEEN_TURN,
 )
 from h2nav.integrity.lasting import Lasting
+from h2nav.integrity.lost_attitude import APART_RAD, LostAttitude, shown_by_field
 from h2nav.integrity.opened_errors import JUDGED_S, OpenedErrors
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import Use, is_bad, sensor_alarms, use_of
@@ -121,6 +122,7 @@ class Monitor:
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
+        self._apart_rad = 0.0  # the tilt that velocities of 3 s show
         self._fix: VelocityFix | None = None
         self._fix_period_us = 0.0
         self._unsettled_from_us = self._unsettled_us = 0  # when the tilt was last unsettled
@@ -129,6 +131,7 @@ class Monitor:
         self._silent_us = 0  # without samples since the latest velocity
         self._shown_us: int | None = None
         self._of_velocity, self._of_force = Lasting(), Lasting()
+        self._lost = LostAttitude()
         self.ratios = InnovationRatios()
 
     def anew(self) -> "Monitor":
@@ -212,6 +215,29 @@ class Monitor:
                 self._end_windows(t_us, bits, force)
         return self._opened.of(estimate) if self._opened.is_any else estimate
 
+    @property
+    def attitude_is_lost(self) -> bool:
+        """Whether it is off by so much that it has to be found anew; see `lost_attitude`."""
+        return self._lost.is_lost
+
+    def _look_whether_lost(self, t_us: int) -> None:
+        """Follows an attitude that velocities contradict by far."""
+        if self._of_velocity.is_raised or self._apart_rad > APART_RAD:
+            self._lost.take(t_us, self._shows_lost(t_us))
+        elif self._lost.is_suspected:
+            self._lost.take(t_us, False)
+
+    def _shows_lost(self, t_us: int) -> bool | None:
+        """Whether sound sensors show the attitude to be lost; None if nothing shows whether."""
+        if self.sensor_is_bad or self.ratios.of_turn > 1.0:
+            return False
+        found = shown_by_field(self._field.windows, self._apart_rad)
+        if found or not self._of_velocity.is_raised:
+            return found
+        if self._search.contradiction.decided is Cause.ACCELEROMETER:
+            return False
+        return self._force_ratio(t_us) > 1.0 or found
+
     def _end_windows(self, t_us: int, bits: int, force: Vec3) -> None:
         """Evaluates the windows completed by a sample."""
         if bits & (BEGUN | THIN_ROW):
@@ -231,6 +257,7 @@ class Monitor:
                 self._search.bent.contradict(t_us)
             self._of_force.take(t_us, self.ratios.force_10s)
             self._field.judge(t_us, self.ratios)
+            self._look_whether_lost(t_us)
             self._open()
 
     def corrected(self, fix: VelocityFix) -> VelocityFix:
@@ -262,6 +289,8 @@ class Monitor:
         self._see_force_size(mark, fix.altitude_m)
         self._search.corrected.review(errors, mark.moment.bias_b)
         windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
+        middle = windows[1]
+        self._apart_rad = 0.0 if middle is None else middle.tilt_rad
         self._windows = [window for window in windows if window is not None]
         of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
         self.ratios = self.ratios._replace(
@@ -361,13 +390,15 @@ class Monitor:
         self._force_size.restart()
         self._search.restart()
         self._field.windows.restart()
-        self._windows = []
+        self._windows, self._apart_rad = [], 0.0
         self.ratios = InnovationRatios()
 
     def renew(self) -> None:
         """Restarts with sensors that were wrong, and are good again."""
         self.restart()
         self._search.renew()
+        self._opened.correct(0.0, 0.0)
+        self._lost = LostAttitude()
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""
@@ -446,7 +477,7 @@ class Monitor:
         if not math.isnan(ratios.force_10s):
             ratios = ratios._replace(force_10s=nothing)
         if self._velocity.is_stale(t_us):
-            self._windows = []
+            self._windows, self._apart_rad = [], 0.0
             self._search.forget()
             ratios = ratios._replace(
                 velocity_1s=nothing,

@@ -546,9 +546,12 @@ class Estimation:
     def _restart_lanes(self, t_ns: int) -> None:
         sent = self._lane
         for lane in self._lanes:
-            if lane is not sent and lane.may_begin_anew(t_ns):
+            if (lane is not sent or lane.is_lost) and lane.may_begin_anew(t_ns):
                 is_sound = (
-                    not sent.sensor_is_bad and not sent.needs_restart and not sent.is_silent(t_ns)
+                    lane is not sent
+                    and not sent.sensor_is_bad
+                    and not sent.needs_restart
+                    and not sent.is_silent(t_ns)
                 )
                 lane.begin_as(sent if is_sound else None)
 

@@ -141,6 +141,7 @@ class Lane:
         self._filtered: AttitudeEstimate | None = None
         self.rate_hz = 0.0  # of the samples
         self.event: TimeVerdict | None = None  # a new epoch that has not been reported
+        self.is_lost = False  # its attitude: even the lane that is sent begins anew
         self.compass_is_wrong = False  # its field shows a wrong north, and is not used
         self.heading_is_wrong = False  # the filter still has the heading of such a field
         self._doubt_rad = 0.0
@@ -488,6 +489,9 @@ class Lane:
         if t_ns - self._counted_ns >= SECOND_NS:
             self.rate_hz = self._counted * 1e9 / (t_ns - self._counted_ns)
             self._counted_ns, self._counted = t_ns, 0
+        self.is_lost = self._monitor.attitude_is_lost
+        if self.is_lost:
+            self._trust.require_restart()
         is_bad = self._monitor.sensor_is_bad or bool(self._verdict.wrong)
         self._trust.judge(t_ns, sensor_is_bad=is_bad)
         if is_bad or self._filtered is None or self.needs_restart:

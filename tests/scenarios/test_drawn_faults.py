@@ -94,3 +94,12 @@ def test_a_ramp_in_strong_vibration_accuses_nobody_else():
     (found,) = row["faults"]
     assert found["outcome"] in ("right", "undecided", "late")
     assert kinds(found) == set()
+
+
+def test_an_attitude_lost_by_a_gyro_in_other_units_is_found_when_they_are_back():
+    """It stayed 78 deg off until the end of the flight, and said so."""
+    ground = FlightDraw("rover", 2.321, 30.9, 3.56, 0.3769, 7.361, 0.4879, -3.242)
+    imu = ImuDraw(rate_hz=100.0, count=1)
+    row = fly(Draw(1401, ground, imu, faults=("gyro-deg@86.3+20/1",)))
+    assert row["heading_wrong_s"] < 10.0
+    assert row["tilt_wrong_s"] < 10.0
