@@ -35,8 +35,6 @@ SUSPICIOUS_RATIO = 0.2
 # A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro. A
 # velocity that is decided to have jumped, and agrees again, begins like nothing else.
 BLAME_US = 2_500_000
-# Odds at which nothing is learnt of the receiver for a while.
-LIKELY = 10.0
 # Samples further apart alias a vehicle's vibration (propellers from some 30 Hz on): a mean force
 # may be wrong by the whole amplitude on both axes, 2 times the rms and a margin; a rate, if
 # anything shakes.
@@ -204,8 +202,8 @@ class CauseSearch:
         elif known is not None and self.contradiction.is_due(seen.t_us):
             doubt, is_corrected = self._search(seen, known)
         # A fault that begins looks like a late velocity: its cause is looked for first.
-        is_likely = self.contradiction.explained.odds > math.log(LIKELY)
-        may_learn = not is_likely or self.contradiction.is_old(seen.t_us)
+        is_suspicious = self.contradiction.explained.is_suspicious
+        may_learn = not is_suspicious or self.contradiction.is_old(seen.t_us)
         if known is not None and may_learn and self.receiver.learn(rows.rows, known):
             # Earlier velocities were corrected otherwise.
             self._velocity.restart()
