@@ -138,6 +138,7 @@ class State:
     startup_inflation: float = real("", "factor on the noises while the filter starts")
     innovation: list[float] = reals(3, "rad", "rotation applied about n, e; heading innovation")
     extra_tilt_sigma: float = real("rad", "deviation of the tilt beyond that of the gain sets")
+    unforced_s: float = real("s", "for how long the gyro alone has carried the tilt")
     clipped_angle: float = real("rad", "angle that the clipped samples in a row may have hidden")
     clipped_s: float = real("s", "how long samples have been clipped in a row")
     clipped_slope: list[float] = reals(3, "rad/s^2", "change of the rate where clipping began")

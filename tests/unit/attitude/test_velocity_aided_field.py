@@ -14,11 +14,12 @@ from velocity_flights import (
     heading_apart,
     new_filter,
     new_integer_filter,
+    part,
     with_samples,
     with_turned_field,
 )
 
-from h2nav.attitude.samples import ImuSample, Vec3, VehicleState
+from h2nav.attitude.samples import ImuSample, SensorDoubt, Vec3, VehicleState
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.maths import quaternion
@@ -76,6 +77,44 @@ def test_the_field_holds_the_heading_while_a_frozen_accelerometer_gives_no_force
     assert worst < 6.5 * DEG
     # What the tilt is off by meanwhile is not learnt as an error of the field.
     assert filter_.sensor_errors.field_offset_share < 0.03
+
+
+def test_without_a_force_the_field_does_not_turn_the_heading_by_an_error_of_the_tilt() -> None:
+    """All fields have the same wrong tilt: as so many measurements they turned it by 5.4 deg."""
+    lost = 4000
+
+    def jolted(i: int, sample: ImuSample) -> ImuSample:
+        x, y, z = sample.w_b
+        if i < lost:
+            return sample
+        # 4 deg of tilt within 0.2 s that no sensor shows.
+        return sample._replace(w_b=(x + (20.0 * DEG if i < lost + 20 else 0.0), y, z), f_b=NO_BIAS)
+
+    drive = with_samples(accelerating(70.0, 62, law=gentle, bias_b=NO_BIAS), jolted)
+    filter_ = new_filter(knows_field=True)
+    follow(filter_, part(drive, 0, lost + 20))
+    filter_.doubt(SensorDoubt(tilt_rad=4.0 * DEG, heading_rad=4.0 * DEG))
+    found = follow(filter_, part(drive, lost + 20, len(drive.v_n)))
+    off = [
+        abs(heading_apart(q_nb, each.q_nb))
+        for q_nb, each in zip(drive.flight.q_nb[lost + 20 :], found, strict=True)
+        if each is not None
+    ]
+    assert max(off) < 4.3 * DEG
+
+
+def test_without_a_force_the_deviation_of_the_tilt_grows_with_the_noise_of_the_gyro() -> None:
+    lost = 4000
+
+    def frozen(i: int, sample: ImuSample) -> ImuSample:
+        return sample if i < lost else sample._replace(f_b=NO_BIAS)
+
+    filter_ = new_filter(knows_field=True)
+    drive = with_samples(accelerating(100.0, 62, law=gentle, bias_b=NO_BIAS), frozen)
+    follow(filter_, drive)
+    s, g = filter_.kernel_state, filter_.kernel_gains
+    assert s.unforced_s == pytest.approx(60.0)
+    assert s.extra_tilt_sigma > math.sqrt(60.0 * g.gyro_noise)
 
 
 # --- gate on the heading ------------------------------------------------------------------------

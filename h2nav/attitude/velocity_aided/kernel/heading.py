@@ -409,8 +409,11 @@ def set_jacobian(s: State, w: Workspace, g: Gains) -> float:
     tilt = math.sqrt(gyro_density(s, g) * s.velocity_noise)
     # Only the disturbance in the heading counts; norm and dip show the other two components.
     density = g.mag_noise + g.mag_correlation * s.mag_disturbance
-    # A tilt that is not known yet counts for a second.
+    # A tilt that is not known yet counts for a second; all fields since the force was lost have the
+    # same one.
     unknown = s.extra_tilt_sigma * s.extra_tilt_sigma
+    if s.unforced_s > 1.0:
+        unknown = s.unforced_s * unknown
     return s.startup_inflation * (density + slope * slope * (2.0 * tilt + unknown))
 
 

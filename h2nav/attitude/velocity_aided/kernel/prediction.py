@@ -131,22 +131,37 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
         predict_accel(s, w, dt)
     s.velocity_n = s.velocity_n + north
     s.velocity_e = s.velocity_e + east
-    wx = sample.gyro[0] - s.gyro_bias[0]
-    wy = sample.gyro[1] - s.gyro_bias[1]
-    wz = sample.gyro[2] - s.gyro_bias[2]
     s.age_s = s.age_s + dt
     # The initial tilt error is not due to the bias: the second stage waits until it has passed.
     ease = g.startup_time_s / s.age_s
     ease = ease * ease
     s.startup_inflation = 1.0 + ease * ease
+    share = share_of_levels(s, g, dt)
+    follow_rate(s, sample, share)
+    jitter = jolt_of(s.accel_last, s.accel_step, sample.accel)
+    s.accel_jitter = s.accel_jitter + share * (dt * jitter - s.accel_jitter)
+
+
+def share_of_levels(s: State, g: Gains, dt: float) -> float:
+    """Share of one sample in the levels of noise and motion."""
     time = g.level_time_s
     if s.age_s < time:
         time = s.age_s
-    share = dt / time
+    if time < dt:  # no force has come since the tilt was found
+        time = dt
+    return dt / time
+
+
+def follow_rate(s: State, sample: Sample, share: float) -> None:
+    """Updates the noise of the rate and how fast the vehicle turns by a sample with this share.
+
+    Source: docs/filter.md Eq. (8).
+    """
     jitter = jolt_of(s.gyro_last, s.gyro_step, sample.gyro)
-    s.gyro_jitter = s.gyro_jitter + share * (dt * jitter - s.gyro_jitter)
-    jitter = jolt_of(s.accel_last, s.accel_step, sample.accel)
-    s.accel_jitter = s.accel_jitter + share * (dt * jitter - s.accel_jitter)
+    s.gyro_jitter = s.gyro_jitter + share * (sample.dt_s * jitter - s.gyro_jitter)
+    wx = sample.gyro[0] - s.gyro_bias[0]
+    wy = sample.gyro[1] - s.gyro_bias[1]
+    wz = sample.gyro[2] - s.gyro_bias[2]
     s.turning = s.turning + share * (wx * wx + wy * wy + wz * wz - s.turning)
 
 

@@ -9,7 +9,7 @@ from .heading import use_field
 from .prediction import LONGEST_STEP, predict_attitude, predict_shared, predict_velocity
 from .rest import doubt_steps, use_rest
 from .theta import limit, predict_theta
-from .tilt import check_level, doubt_gap, doubt_rate, end_clipping
+from .tilt import carry_tilt, check_level, doubt_gap, doubt_rate, end_clipping
 from .velocity import use_bounded_velocity, use_fix
 
 
@@ -28,15 +28,9 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if s.mag_accepted_age_s >= 0.0:
         s.mag_accepted_age_s = s.mag_accepted_age_s + dt
     if sample.clipped > 0.0:
-        if sample.clipped < FORCE_LOST:
-            doubt_rate(s, sample)
-        bits = SATURATED
-        if s.aided > 0.0:
-            predict_shared(s, w, g, dt)
-        if sample.clipped >= FORCE_LOST and sample.has_mag > 0.0:
-            # The gyro carries the tilt, and theta knows what its bias does to it.
-            bits = bits | use_field(s, w, g, sample)
+        bits = carry(s, w, g, sample)
     else:
+        s.unforced_s = 0.0
         if s.clipped_s > 0.0:
             bits = end_clipping(s, w, g, sample)
         predict_velocity(s, w, g, sample)
@@ -52,4 +46,19 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     bits = bits | limit(s, g)
     if sample.asked > 0.0:
         bits = estimate(s, w, g, sample, bits)
+    return bits
+
+
+def carry(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
+    """Goes on by the rate alone, with a sample that is clipped or has no force; returns bits."""
+    bits = SATURATED
+    if sample.clipped < FORCE_LOST:
+        doubt_rate(s, sample)
+    if s.aided > 0.0:
+        predict_shared(s, w, g, sample.dt_s)
+    if sample.clipped >= FORCE_LOST:
+        carry_tilt(s, g, sample)
+        if sample.has_mag > 0.0:
+            # Theta knows what the gyro's bias does to the tilt.
+            bits = bits | use_field(s, w, g, sample)
     return bits

@@ -15,7 +15,15 @@ from ..memory import (
     State,
     Workspace,
 )
-from .prediction import forget_sensitivities, set_matrix, turn, turn_body
+from .prediction import (
+    follow_rate,
+    forget_sensitivities,
+    gyro_density,
+    set_matrix,
+    share_of_levels,
+    turn,
+    turn_body,
+)
 
 MAX_TILT_SIGMA = 1.57  # rad: nothing is known
 AT_END = 0.99  # of the largest rate: another axis at the same end
@@ -113,6 +121,17 @@ def doubt_gap(s: State, g: Gains, sample: Sample) -> None:
             s.gyro_last[i] = sample.gyro[i]
             s.gyro_step[i] = 0.0
         s.fixes_rejected = MAX_REJECTED
+
+
+def carry_tilt(s: State, g: Gains, sample: Sample) -> None:
+    """Lets the deviation of a tilt without a force grow with the noise of the gyro.
+
+    What the gyro's bias adds is theta's. Source: docs/filter.md Eq. (79).
+    """
+    follow_rate(s, sample, share_of_levels(s, g, sample.dt_s))
+    s.unforced_s = s.unforced_s + sample.dt_s
+    variance = s.extra_tilt_sigma * s.extra_tilt_sigma + sample.dt_s * gyro_density(s, g)
+    raise_tilt_sigma(s, math.sqrt(variance))
 
 
 def raise_tilt_sigma(s: State, angle: float) -> None:
