@@ -150,6 +150,10 @@ def _is_even(rest: Rest, bias: Array) -> bool:
 def _force(rest: Rest, imu: Sensor) -> list[Finding]:
     if len(rest.t_s) < MIN_REST_WINDOWS - 1:
         return []
+    # A vehicle that circles steadily feels more than gravity.
+    rest = rest.part(np.linalg.norm(rest.w_b - np.median(rest.w_b, axis=0), axis=1) < ALIKE_RAD_S)
+    if len(rest.t_s) < MIN_REST_WINDOWS - 1:
+        return []
     norms = np.linalg.norm(rest.f_b, axis=1)
     norm = float(np.median(norms))
     apart = norm - GRAVITY_M_S2

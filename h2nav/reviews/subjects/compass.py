@@ -38,7 +38,7 @@ KINDS = (
         section="compass",
         traits=Trait.INDEPENDENT | Trait.EACH,
         shown_by="rows that never change, from first to last; it is not examined further",
-        limit="50 rows, 5 s",
+        limit="50 rows, 5 s; with a field other than zero, while a gyro turns by 5 deg",
     ),
     Declared(
         Kind.COMPASS_HARD_IRON,

@@ -45,7 +45,7 @@ KINDS = (
         ),
         section="bias",
         traits=Trait.INDEPENDENT | Trait.EACH,
-        shown_by="the same windows",
+        shown_by="the same windows, if they turn alike",
         limit="10 %, beyond any zero offset; 80 mg",
     ),
     Declared(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from h2nav.integrity.findings import Kind, Severity
+from h2nav.maths.units import DEG
 from h2nav.recordings.context import CompassRows, Context, ImuTrack, Series
 from h2nav.reviews.compass_motors import detect_strength, strength_by_throttle
 from h2nav.reviews.dead_compass import dead_compasses, detect_dead
@@ -108,6 +109,21 @@ FROZEN = CompassRows(0, 1.0, 6.0, 50, 0, is_zero=False, is_used=True)
 def test_a_value_that_stays_for_so_many_rows_is_no_measurement(changes, is_dead):
     context = Context(compass_rows=(FROZEN._replace(**changes),))
     assert bool(dead_compasses(context)) == is_dead
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "is_zero", "is_dead"),
+    [(4.0, False, False), (6.0, False, True), (-6.0, False, True), (0.0, True, True)],
+)
+def test_a_field_stays_the_same_while_nothing_turns(turned_deg, is_zero, is_dead):
+    """A gyro with a constant bias; it turns about one axis, for a third of the time."""
+    t_s = 0.02 * np.arange(300)
+    w_b = np.zeros((300, 3)) + 3.0 * DEG
+    w_b[100:200, 1] += turned_deg * DEG / 2.0
+    stamp_us = (1e6 * t_s).astype(np.int64)
+    imu = ImuTrack(0, "IMU", t_s, stamp_us, w_b, np.zeros((300, 3)), np.zeros((300, 3)))
+    one = FROZEN._replace(from_s=0.0, to_s=6.0, is_zero=is_zero)
+    assert bool(dead_compasses(Context(compass_rows=(one,), imus=(imu,)))) == is_dead
 
 
 @pytest.mark.parametrize(

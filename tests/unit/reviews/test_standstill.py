@@ -31,6 +31,15 @@ def found_in(windows, kind=None):
     return next((one for one in found if kind in (None, one.kind)), None)
 
 
+def test_a_vehicle_that_circles_feels_more_than_gravity():
+    stands, circles = rest(count=4), rest((0.0, 0.0, 55.0), (0.0, 5.8, -GRAVITY_M_S2), 3)
+    both = Rest(*(np.concatenate(columns) for columns in zip(stands, circles, strict=True)))
+    assert found_in(both) is None
+    found = found_in(both._replace(f_b=1.2 * both.f_b), Kind.ACCELEROMETER_SCALE)
+    assert found.size == pytest.approx(200.0)
+    assert found.to_s == 10.0 + 4 * REST_WINDOW_S
+
+
 @pytest.mark.parametrize(
     ("rate_deg_s", "count", "severity"),
     [
