@@ -74,11 +74,15 @@ COPTERS = {
     6: mavlink.MAV_TYPE_HELICOPTER,
     7: mavlink.MAV_TYPE_TRICOPTER,
     8: mavlink.MAV_TYPE_COAXIAL,
+    9: mavlink.MAV_TYPE_COAXIAL,
+    10: mavlink.MAV_TYPE_COAXIAL,
     11: mavlink.MAV_TYPE_HELICOPTER,
     12: mavlink.MAV_TYPE_DODECAROTOR,
     13: mavlink.MAV_TYPE_HELICOPTER,
     14: mavlink.MAV_TYPE_DECAROTOR,
 }
+# Until 2017 only the firmware knew; these parameters no other copter has.
+OF_HELICOPTERS = ("H_COL_MAX", "H_COL_MID", "H_RSC_MODE")
 
 
 SECOND = "AHRS2"
@@ -376,6 +380,8 @@ def _vehicle_type(kind: VehicleKind, parameters: dict[str, float]) -> int:
     """MAV_TYPE as in its heartbeat."""
     if kind is not COPTER:
         return kind.vehicle_type
+    if "FRAME_CLASS" not in parameters and any(name in parameters for name in OF_HELICOPTERS):
+        return int(mavlink.MAV_TYPE_HELICOPTER)
     return int(COPTERS.get(int(parameters.get("FRAME_CLASS", 0.0)), kind.vehicle_type))
 
 

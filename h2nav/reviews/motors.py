@@ -197,7 +197,9 @@ def _uneven(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     shown = ", ".join(f"{n}: {value:+.0f}" for n, value in zip(motors.numbers, own, strict=True))
     severity = Severity.ERROR if size > 100.0 else Severity.WARNING
     why = "a weak motor, a damaged propeller, or a load off the centre"
-    if -others.min() > PAIR_SHARE * size:
+    if len(own) == 3:
+        severity, why = Severity.NOTICE, "of three motors a load off the centre asks the same"
+    elif -others.min() > PAIR_SHARE * size:
         severity, why = Severity.NOTICE, "a pair that mirrors each other: a load off the centre"
     return [
         Finding(

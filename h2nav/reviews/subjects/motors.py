@@ -57,7 +57,7 @@ KINDS = (
         shown_by=(
             "outputs in flight, less the part explained by lateral force, rates and their changes "
             "(wind, manoeuvres); off the ground, in each third of the flight; a note where "
-            "another motor works less by as much: a load off the centre"
+            "another motor works less by as much, or of three motors: a load off the centre"
         ),
         limit=(
             "40 us above the mean of the others, shown with 95 % where each 5 s count as one "

@@ -334,23 +334,27 @@ def test_a_wrong_time_costs_one_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "frame", "vehicle"),
+    ("text", "parameter", "vehicle"),
     [
         ("ArduPlane V4.5.7 (1)", None, "fixed wing"),
         ("APM:Rover v2.50", None, "ground rover"),
         ("ArduSub V4.1.0 (1)", None, "submarine"),
-        ("ArduCopter V4.5.7 (1)", 2.0, "hexarotor"),
+        ("ArduCopter V4.5.7 (1)", ("FRAME_CLASS", 2.0), "hexarotor"),
+        ("ArduCopter V4.5.7 (1)", ("FRAME_CLASS", 9.0), "coaxial"),
+        ("ArduCopter V3.2.1 (1)", ("FRAME", 1.0), "quadrotor"),
+        ("ArduCopter V3.2.1 (1)", ("H_COL_MAX", 1700.0), "helicopter"),
         ("something", None, ""),
     ],
 )
 def test_the_vehicle_is_known_by_its_firmware(
-    tmp_path: Path, text: str, frame: float | None, vehicle: str
+    tmp_path: Path, text: str, parameter: tuple[str, float] | None, vehicle: str
 ) -> None:
     writer = imu_log(START_US + np.arange(200) * 10_000)
     start = np.array([START_US])
     writer.add("MSG", "QZ", "TimeUS,Message", start, text.encode())
-    if frame is not None:
-        writer.add("PARM", "QNf", "TimeUS,Name,Value", start, b"FRAME_CLASS", frame)
+    if parameter is not None:
+        name, value = parameter
+        writer.add("PARM", "QNf", "TimeUS,Name,Value", start, name.encode(), value)
     assert opened(tmp_path, writer.bytes()).context().vehicle == vehicle
 
 

@@ -105,6 +105,14 @@ def test_it_takes_a_quarter_of_a_minute_of_flight(level_s, is_told):
     assert (uneven((80.0, 0.0, 0.0, 0.0), lifted=lifted) is not None) == is_told
 
 
+@pytest.mark.parametrize(("count", "severity"), [(3, Severity.NOTICE), (6, Severity.ERROR)])
+def test_of_three_motors_a_load_off_the_centre_asks_the_same(count, severity):
+    extra_us = [120.0, *np.zeros(count - 1)]
+    found = uneven(extra_us, numbers=tuple(range(1, count + 1)))
+    assert found.severity is severity
+    assert ("load off the centre asks the same" in found.evidence) == (count == 3)
+
+
 def test_of_two_motors_none_is_uneven():
     assert found_in([HOVER_US + 80.0, HOVER_US], numbers=(1, 2)) == []
 
