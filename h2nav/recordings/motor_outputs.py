@@ -21,6 +21,12 @@ MULTIROTORS = {
     mavlink.MAV_TYPE_DECAROTOR: 10,
     mavlink.MAV_TYPE_DODECAROTOR: 12,
 }
+# Vehicles that neither take off nor land.
+ON_THE_GROUND = (
+    mavlink.MAV_TYPE_GROUND_ROVER,
+    mavlink.MAV_TYPE_SURFACE_BOAT,
+    mavlink.MAV_TYPE_SUBMARINE,
+)
 ARDUPILOT_MOTORS = {**{33 + i: 1 + i for i in range(8)}, **{82 + i: 9 + i for i in range(4)}}
 PX4_MOTORS = {101 + i: 1 + i for i in range(12)}
 PX4_BANKS = (

@@ -4,11 +4,11 @@ import re
 from typing import NamedTuple
 
 import numpy as np
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Context
+from h2nav.recordings.motor_outputs import ON_THE_GROUND
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.declared import Trait
@@ -35,11 +35,6 @@ SENSORS = (
     SensorKind.BATTERY,
 )
 # A log that ends in the air, by the height of its last seconds.
-ON_THE_GROUND = (
-    mavlink.MAV_TYPE_GROUND_ROVER,
-    mavlink.MAV_TYPE_SURFACE_BOAT,
-    mavlink.MAV_TYPE_SUBMARINE,
-)
 HEIGHT_S, SINKS_M_S = 1.0, 2.0
 # A crash this soon after leaving the ground belongs to the take-off.
 TAKE_OFF_S = 4.0
@@ -49,6 +44,10 @@ A_TIME = re.compile(r"(at|from) \d+ s")
 
 
 SOUND = "Sensors and estimators were sound until then."
+PARTLY_SOUND = "Sensors and estimators that could be looked at were sound until then."
+SEEN = "in what could be looked at"
+# Subjects that tell whether they are.
+OF_SENSORS = {"IMUs", "compasses", "GPS", "barometer", "battery", "the autopilot's estimators"}
 
 
 class FlightVerdict(NamedTuple):
@@ -85,7 +84,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     if crashes:
         text = _crashed(flight, analysis, crashes, of_vehicle)
     elif lost:
-        text = _lost(flight.context, lost[0], of_vehicle)
+        text = _lost(flight.context, analysis, lost[0], of_vehicle)
     else:
         ending = _ending(flight.context, analysis.ending)
         is_said = bool(crash_checks(flight.context))
@@ -114,10 +113,12 @@ def _crashed(
         times = ", ".join(f"{one.from_s:.0f}" for one in crashes[1:])
         parts.append(f"It met the ground again at {times} s.")
     known = _path(first_ones[0], found)
-    rest = [one for one in found if one not in known]
-    until = _until(first_ones[0], rest)
+    until = _until(first_ones[0], [one for one in found if one not in known])
     is_explained = bool(known) and known[0].kind is not Kind.LOSS_OF_CONTROL
-    parts.append("Nothing else was found wrong." if is_explained and until == SOUND else until)
+    if until or not is_explained:
+        parts.append(until or _sound(analysis))
+    else:
+        parts.append(f"Nothing else was found wrong{f' {SEEN}' if analysis.blind else ''}.")
     return " ".join(part for part in parts if part)
 
 
@@ -236,7 +237,7 @@ def _motors(numbers: list[int]) -> str:
 
 
 def _until(crash: Finding, found: list[Finding]) -> str:
-    """The sensors that were wrong before, or that all were sound."""
+    """The sensors that were wrong before; empty if none was."""
     before = [
         one
         for one in found
@@ -252,17 +253,20 @@ def _until(crash: Finding, found: list[Finding]) -> str:
     if estimators and not sensors:
         parts += [_phrase(one) for one in estimators]
     unique = list(dict.fromkeys(parts))[:MAX_SENSORS]
-    if not unique:
-        return SOUND
-    return f"Before that, {_listed(unique)}."
+    return f"Before that, {_listed(unique)}." if unique else ""
+
+
+def _sound(analysis: Analysis) -> str:
+    """That all sensors were sound, as far as they were looked at."""
+    return PARTLY_SOUND if OF_SENSORS & {name for name, _ in analysis.blind} else SOUND
 
 
 # --- no crash -----------------------------------------------------------------------------------
 
 
-def _lost(context: Context, lost: Finding, found: list[Finding]) -> str:
+def _lost(context: Context, analysis: Analysis, lost: Finding, found: list[Finding]) -> str:
     said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
-    return f"{said} {_until(lost, found)}"
+    return f"{said} {_until(lost, found) or _sound(analysis)}"
 
 
 def _flown(
@@ -299,10 +303,10 @@ def _flown(
             begin = f"No crash: {_phrase(false)}. "
         return f"{begin}{shown[:1].upper()}{shown[1:]}{rest}.{ending}"
     if not looked:
-        return "Nothing was found wrong in what could be looked at."
+        return f"Nothing was found wrong {SEEN}."
     begin = "Nothing was found wrong"
     if is_blind:
-        begin += " in what could be looked at"
+        begin += f" {SEEN}"
     # Where it ends in the air, that is what there is to know.
     begin = f"{ending.strip()} {begin} until then." if ending else f"{begin}."
     return f"{begin} Looked at: {', '.join(looked)}."

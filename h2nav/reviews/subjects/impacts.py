@@ -92,9 +92,13 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     bins, blows = evidence.of(parts.bins), evidence.of(parts.blows)
     if bins is None:
         return []
+    context = evidence.of(parts.recorded)
+    # A vehicle that drives or swims lands nowhere: a bump leaves it upright, too.
+    lands = not needs.lands(evidence)
+    landed = [one for one in blows if one.is_crash or lands]
     return [
-        *detect_impacts(blows),
-        *detect_crash_checks(bins, evidence.of(parts.recorded), blows),
+        *detect_impacts(landed),
+        *detect_crash_checks(bins, context, blows),
     ]
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from h2nav.recordings.motor_outputs import MULTIROTORS
+from h2nav.recordings.motor_outputs import MULTIROTORS, ON_THE_GROUND
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence, Need
 from h2nav.reviews.spectra import is_measured
@@ -42,6 +42,12 @@ def hovers(evidence: FlightEvidence) -> str:
     """A vehicle that only its motors carry."""
     is_so = evidence.of(parts.recorded).vehicle_type in MULTIROTORS
     return "" if is_so else "no multirotor"
+
+
+def lands(evidence: FlightEvidence) -> str:
+    """A vehicle that takes off and lands."""
+    is_so = evidence.of(parts.recorded).vehicle_type not in ON_THE_GROUND
+    return "" if is_so else "it neither takes off nor lands"
 
 
 def motors(evidence: FlightEvidence) -> str:

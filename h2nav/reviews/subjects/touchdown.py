@@ -103,5 +103,9 @@ def _finding(one: Touchdown) -> Finding:
 
 
 SUBJECT = ReviewSubject(
-    "touchdown", KINDS, (needs.times, needs.armed, needs.barometer), look, is_told=False
+    "touchdown",
+    KINDS,
+    (needs.times, needs.lands, needs.armed, needs.barometer),
+    look,
+    is_told=False,
 )

@@ -97,7 +97,7 @@ def test_a_low_throttle_by_hand_is_the_cause_of_a_crash_and_the_only_one():
     found, text = told(flown(*fallen(12.0), **changes))
     assert found[Kind.CRASH].cause == found[FLOWN_INTO_GROUND].id
     first = "Flown into the ground by the pilot's demand at 60 s with 12 m/s."
-    assert text.startswith(f"{first} Nothing else was found wrong.")
+    assert text.startswith(f"{first} Nothing else was found wrong in what could be looked at. Not ")
     changes["modes"] = (Span(0.0, DURATION_S, "RTL"),)
     assert FLOWN_INTO_GROUND not in told(flown(*fallen(12.0), **changes))[0]
 
@@ -225,4 +225,8 @@ def test_an_estimator_that_was_wrong_before_a_crash_is_said():
     crashed = flown(*fallen(12.0))
     text = told(crashed._replace(findings=(wrong,)))[1]
     assert "Before that, the autopilot's heading was wrong." in text
-    assert "Sensors and estimators were sound until then." in told(crashed)[1]
+    text = told(crashed)[1]
+    assert "Sensors and estimators that could be looked at were sound until then. Not " in text
+    battery = Battery(1, T_S, *(np.full(len(T_S), one) for one in (12.0, 9.0, 0.8)))
+    text = told(crashed._replace(context=crashed.context._replace(batteries=(battery,))))[1]
+    assert "Sensors and estimators were sound until then. Not looked at" in text

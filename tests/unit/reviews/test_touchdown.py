@@ -31,3 +31,13 @@ def test_a_vehicle_that_stays_on_the_ground_does_not_land():
 
 def test_a_log_that_ends_in_the_air_has_no_landing():
     assert not touchdowns(np.clip(T_S - 30.0, 0.0, 20.0) - np.clip(T_S - 110.0, 0.0, None))
+
+
+@pytest.mark.parametrize(
+    ("vehicle_type", "lands"), [(1, True), (2, True), (10, False), (12, False)]
+)
+def test_what_drives_or_dives_does_not_land(vehicle_type, lands):
+    height_m = np.clip(2.5 * (90.0 - T_S), 0.0, 10.0)
+    series, climb = Series(T_S, height_m), Series(T_S, np.gradient(height_m, 0.1))
+    made = flight(baro_height_m=series, climb_m_s=climb, gps=(), vehicle_type=vehicle_type)
+    assert any(one.kind == TOUCHDOWN for one in analyse(made).findings) == lands

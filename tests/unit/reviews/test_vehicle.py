@@ -145,6 +145,13 @@ def test_a_blow_that_leaves_it_upright_is_a_hard_landing():
     assert found[Kind.HARD_LANDING].from_s == pytest.approx(100.0, abs=0.3)
 
 
+@pytest.mark.parametrize(("vehicle_type", "is_told"), [(1, True), (10, False), (11, False)])
+def test_what_drives_or_swims_does_not_land(vehicle_type, is_told):
+    flown = landed_hard(multirotor(), 100.0, np.inf)
+    context = flown.context._replace(vehicle_type=vehicle_type)
+    assert (Kind.HARD_LANDING in kinds(flown._replace(context=context))) == is_told
+
+
 @pytest.mark.parametrize(("touched_g", "from_s"), [(1.0, 60.0), (2.5, 59.5)])
 def test_a_blow_begins_where_it_is_first_felt_and_turns_the_vehicle_from_then_on(touched_g, from_s):
     flown = tipped(multirotor(), 60.0)
