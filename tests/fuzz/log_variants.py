@@ -12,7 +12,7 @@ from itertools import count
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fuzz.worn_logs import FMT_LENGTH, Log, Row, log_of, text_of
+from fuzz.worn_logs import FMT_LENGTH, Log, Row, log_of, sealed, text_of
 
 GPS = r"GP[SAB]2?|GPSB|UBX\d|GRA\w|sensor_gps|vehicle_gps_position|GPS_RAW_INT|GPS2_RAW"
 PLACES = (
@@ -50,6 +50,10 @@ BEGINS, ENDS, SHORT = 0.4, 0.6, 0.1
 PAUSES, BLOCK, LOST = (0.4, 0.6), 40, 10
 # One of so many frames, but for what is sent seldom.
 SLOW, SELDOM = 4, r"HEARTBEAT|PARAM_VALUE|STATUSTEXT"
+# Of a heartbeat's payload; events of ArduPilot; of a row ARM, behind its head and its time.
+BASE_MODE = 6
+ARMED, DISARMED = 10, 11
+ARM_STATE = 11
 # Another component: a gimbal, which moves by itself, among every so many rows.
 OTHER, AMONG = 154, 20
 
@@ -127,6 +131,7 @@ def _kept(log: Log, names: Names) -> Iterator[tuple[str, Iterable[Row]]]:
             and not (names.fits(row, several) and names.instance(row))
         ),
     )
+    yield "disarmed", (_disarmed(row, names) for row in rows)
     for group, pattern in GROUPS.items():
         yield f"no_{group}", (row for row in rows if not names.fits(row, pattern))
     if log.ending == ".tlog":
@@ -147,6 +152,19 @@ def _one_of(
         key = row.kind, names.instance(row)
         if not concerns(row) or next(counts.setdefault(key, count())) % many == 0:
             yield row
+
+
+def _disarmed(row: Row, names: Names) -> Row:
+    """The row, if it tells that the motors were armed, as if they were not; not of ULog."""
+    data = bytearray(row.data)
+    if names.fits(row, "HEARTBEAT"):
+        payload = 18 if data[8] == mavlink.PROTOCOL_MARKER_V2 else 14
+        data[payload + BASE_MODE] &= 0xFF ^ mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    elif names.fits(row, "EV") and row.data[-1] == ARMED:
+        data[-1] = DISARMED
+    elif names.fits(row, "ARM"):
+        data[ARM_STATE] = 0
+    return sealed(row._replace(data=bytes(data)))
 
 
 def _with_other(rows: list[Row]) -> Iterator[Row]:

@@ -3,9 +3,10 @@
 import made_logs
 import pytest
 from needs import REPOSITORY, tool
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from fuzz.log_variants import Names, variants
-from fuzz.worn_logs import log_of, time_of
+from fuzz.worn_logs import Log, Row, log_of, time_of
 
 TAKEOFF = REPOSITORY / "tests" / "data" / "takeoff_40s.tlog"
 
@@ -65,6 +66,21 @@ def test_a_binary_log_is_written_as_text_without_its_torn_end(logs):
     *whole, last = logs[".bin"].rows
     torn = logs[".bin"]._replace(rows=[*whole, last._replace(data=last.data[:-1])])
     assert dict(variants(torn))["as_text"].rows == text.rows[:-1]
+
+
+def test_motors_that_were_armed_are_not():
+    log = log_of("a.tlog", TAKEOFF.read_bytes())
+    link, armed = mavlink.MAVLink(None), {}
+    for name, one in (("own", log), ("disarmed", dict(variants(log))["disarmed"])):
+        frames = link.parse_buffer(b"".join(row.data[8:] for row in one.rows if row.kind == "0"))
+        flags = [frame.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED for frame in frames]
+        armed[name] = sum(map(bool, flags)), len(flags)
+    assert armed["own"][0] > 0
+    assert armed["disarmed"] == (0, armed["own"][1])
+    events = [Row("EV", b"\xa3\x95\x01\x0a"), Row("ARM", bytes(11) + b"\1\0"), Row("X", b"\x0a")]
+    made = dict(variants(Log(".bin", b"", events * 20)))["disarmed"].rows[:3]
+    assert [row.data[-1] for row in made] == [11, 0, 10]
+    assert made[1].data == bytes(13)
 
 
 def test_of_several_imus_the_first_is_left(logs):

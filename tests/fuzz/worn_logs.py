@@ -269,7 +269,7 @@ def _odd_values(dice: random.Random, rows: list[Row]) -> list[Row]:
         if row.kind in kinds and row.floats and dice.random() < share:
             data = bytearray(row.data)
             struct.pack_into("<f", data, dice.choice(row.floats), value)
-            changed[place] = _sealed(row._replace(data=bytes(data)))
+            changed[place] = sealed(row._replace(data=bytes(data)))
         elif row.kind in kinds and row.time is None and dice.random() < share:
             words = re.sub(rb"-?\d+\.\d+", repr(value).encode(), row.data)
             changed[place] = row._replace(data=words)
@@ -284,7 +284,7 @@ def _zeros(dice: random.Random, rows: list[Row]) -> list[Row]:
             data = bytearray(row.data)
             for at in row.floats:
                 data[at : at + 4] = bytes(4)
-            changed[place] = _sealed(row._replace(data=bytes(data)))
+            changed[place] = sealed(row._replace(data=bytes(data)))
     return changed
 
 
@@ -345,7 +345,7 @@ def _at(row: Row, t_s: float) -> Row:
     return row._replace(data=bytes(data))
 
 
-def _sealed(row: Row) -> Row:
+def sealed(row: Row) -> Row:
     """A frame of MAVLink with its checksum; other rows have none."""
     if row.time != (0, ">Q"):
         return row
