@@ -13,6 +13,9 @@ END_S, AT_S = 120.0, 60.0
 T_S = np.arange(0.0, END_S, GRID_S)
 NOTHING = np.full(len(T_S), np.nan)
 LEVEL = np.full(len(T_S), 50.0)
+# What all sources show: at its height at the time of what is wrong, where it neither climbs nor
+# sinks.
+FLIGHT = 30.0 * np.cos(2.0 * np.pi * (T_S - AT_S) / END_S)
 FLOWN = (Span(5.0, 110.0, ""),)
 
 
@@ -24,14 +27,15 @@ def later(change, from_s=AT_S, over_s=0.0):
 
 def found_in(barometer=LEVEL, altitude=LEVEL, moved=LEVEL, estimate=LEVEL, climbed=LEVEL,
              armed=FLOWN, lifted=FLOWN):  # fmt: skip
-    known = Heights(T_S, barometer, altitude, moved, estimate, climbed)
+    known = Heights(T_S, *(one + FLIGHT for one in (barometer, altitude, moved, estimate, climbed)))
     return detect_heights(known, Context(armed=armed), lifted)
 
 
 def test_heights_that_agree_are_sound():
-    climbing = 50.0 + 20.0 * np.sin(T_S / 7.0)
-    assert found_in(*[climbing] * 5) == []
     assert found_in() == []
+    assert found_in(altitude=NOTHING, moved=NOTHING, estimate=NOTHING, climbed=NOTHING) == []
+    short = Heights(*(one[:30] for one in (T_S, *[LEVEL] * 5)))
+    assert detect_heights(short, Context(armed=FLOWN), FLOWN) == []
 
 
 # --- a step ---------------------------------------------------------------------------------------
@@ -140,6 +144,8 @@ def test_since_when_it_drifted():
     # from 15 % of it on
     assert found.from_s == pytest.approx(53.0, abs=0.6)
     assert found.size == pytest.approx(16.0)
+    # the last window of forty seconds in which it changes by 10 m ends with what is 6 m of it
+    assert found.to_s == pytest.approx(50.0 + 20.0 * 6.0 / 16.0 + 40.0, abs=2.0)
     assert found.text == f"the barometer drifted by -16 m from {found.from_s:.0f} s on"
 
 
