@@ -17,6 +17,8 @@ from h2nav.reviews.impacts import TURNED_RAD, TURNED_WITHIN_S, Bins, Impact, in_
 from h2nav.reviews.inertial import Mask, runs, within
 
 GRID_S = 0.1
+# Just before a blow, and no higher above where it lies then than barometers wander.
+TOUCH_S, TOUCH_M, LIES_S = 0.5, 1.5, 3.0
 # DroneKit-LA calls 10 deg for half a second a failure of control; sound flights of old autopilots
 # reach 15 deg in gusts and 18 deg in vibration. A loss of control goes further.
 LEFT_RAD, LEFT_S = 20.0 * DEG, 0.2
@@ -63,6 +65,36 @@ def detect_control(
     if errors is not None and context.motors is not None:
         found += _alone(errors, bins, impacts, lifted)
     return found
+
+
+def without_touches(
+    found: Sequence[Finding], context: Context, impacts: Sequence[Impact]
+) -> list[Finding]:
+    """The losses of control without those that a touch began, for samples that show no touch.
+
+    Of a blow of 20 ms seldom samples show the second one, when the first has turned the vehicle.
+    What turns over as high as it lies afterwards, just before, was on the ground.
+    """
+    return [one for one in found if not any(_touched(one, impact, context) for impact in impacts)]
+
+
+def _touched(one: Finding, impact: Impact, context: Context) -> bool:
+    if not 0.0 <= impact.t_s - one.from_s < TOUCH_S:
+        return False
+    heights = (context.baro_height_m, context.height_m)
+    fallen = [_fallen(each, one.from_s, impact.t_s) for each in heights if each is not None]
+    known = [one for one in fallen if np.isfinite(one)]
+    return bool(known) and max(known) < TOUCH_M
+
+
+def _fallen(height: Series, from_s: float, to_s: float) -> float:
+    """How far it is lower after a time than at another one, m; NaN if unknown."""
+    known = np.isfinite(height.values)
+    t_s, values = height.t_s[known], height.values[known]
+    after = values[(t_s > to_s + TOUCH_S) & (t_s < to_s + LIES_S)]
+    if not len(after) or t_s[0] > from_s:
+        return float("nan")
+    return float(np.interp(from_s, t_s, values) - np.median(after))
 
 
 def control_errors(bins: Bins, context: Context) -> ControlErrors | None:

@@ -49,7 +49,7 @@ BEGINS, ENDS, SHORT = 0.4, 0.6, 0.1
 # A logger that pauses for a fifth of the rows, and one that loses each tenth block.
 PAUSES, BLOCK, LOST = (0.4, 0.6), 40, 10
 # One of so many frames, but for what is sent seldom.
-SLOW, SELDOM = 4, r"HEARTBEAT|PARAM_VALUE|STATUSTEXT"
+SLOW, SLOWEST, SELDOM = 4, 25, r"HEARTBEAT|PARAM_VALUE|STATUSTEXT"
 # Of a heartbeat's payload; events of ArduPilot; of a row ARM, behind its head and its time.
 BASE_MODE = 6
 ARMED, DISARMED = 10, 11
@@ -135,7 +135,8 @@ def _kept(log: Log, names: Names) -> Iterator[tuple[str, Iterable[Row]]]:
     for group, pattern in GROUPS.items():
         yield f"no_{group}", (row for row in rows if not names.fits(row, pattern))
     if log.ending == ".tlog":
-        yield "slow", _one_of(SLOW, rows, lambda row: not names.fits(row, SELDOM), names)
+        for name, many in (("slow", SLOW), ("slowest", SLOWEST)):
+            yield name, _one_of(many, rows, lambda row: not names.fits(row, SELDOM), names)
         yield "other_component", _with_other(rows)
 
 

@@ -91,6 +91,19 @@ def test_of_several_imus_the_first_is_left(logs):
         assert not any(names.instance(r) for r in made["first_only"].rows if names.fits(r, imus))
 
 
+def test_a_link_is_slow_but_for_what_is_sent_seldom(logs):
+    log = logs[".tlog"]
+    names, made = Names(log), dict(variants(log))
+    counts = [
+        sum(names.fits(row, "RAW_IMU|SCALED_IMU\\d?") for row in one.rows)
+        for one in (log, made["slow"], made["slowest"])
+    ]
+    assert counts[1] == pytest.approx(counts[0] / 4.0, abs=3)
+    assert counts[2] == pytest.approx(counts[0] / 25.0, abs=3)
+    beats = [row for row in log.rows if names.fits(row, "HEARTBEAT")]
+    assert [row for row in made["slowest"].rows if names.fits(row, "HEARTBEAT")] == beats
+
+
 def test_another_component_adds_to_a_link(logs):
     made = dict(variants(logs[".tlog"]))
     others = log_of("a.tlog", made["other_component"].bytes()).rows

@@ -3,7 +3,7 @@
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.control import detect_control
+from h2nav.reviews.control import detect_control, without_touches
 from h2nav.reviews.declared import (
     BLIND_LEADS_S,
     FAILED_SENSORS,
@@ -46,8 +46,9 @@ KINDS = (
             Brought(OSCILLATION, LEADS_S),
         ),
         shown_by=(
-            "the autopilot's attitude against its demand while it flies and turns; without a "
-            "demand, the gyro"
+            "the autopilot's attitude against its demand, both known five times a second, while it "
+            "flies and turns; without a demand, the gyro; below 45 samples a second not what lies "
+            "as high as it was half a second before the blow: it had touched"
         ),
         limit="20 deg until an impact; 45 deg for 1 s off the ground without one",
     ),
@@ -59,12 +60,11 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     bins = evidence.of(parts.bins)
     if bins is None:
         return []
-    return detect_control(
-        bins,
-        evidence.of(parts.recorded),
-        evidence.of(parts.crashes),
-        evidence.of(parts.lifted),
-    )
+    context, crashes = evidence.of(parts.recorded), evidence.of(parts.crashes)
+    found = detect_control(bins, context, crashes, evidence.of(parts.lifted))
+    if evidence.of(parts.rate_hz) >= needs.BLOW_HZ:
+        return found
+    return without_touches(found, context, crashes)
 
 
 SUBJECT = ReviewSubject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from h2nav.recordings.context import Array
 from h2nav.recordings.motor_outputs import MULTIROTORS, ON_THE_GROUND
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import FlightEvidence, Need
@@ -12,6 +13,8 @@ from h2nav.reviews.supply import BATTERY, reported
 # left of neighbouring samples.
 BLOW_HZ, SHAKEN_HZ = 45.0, 20.0
 MIN_SOURCES = 2
+# An attitude has left its demand after .2 s (`control`); a link's messages come unevenly.
+DEMAND_PERIOD_S = 0.21
 
 
 def times(evidence: FlightEvidence) -> str:
@@ -56,11 +59,20 @@ def motors(evidence: FlightEvidence) -> str:
 
 
 def demand(evidence: FlightEvidence) -> str:
-    """An attitude and what was demanded of it."""
+    """An attitude and what was demanded of it, often enough to be compared."""
     context = evidence.of(parts.recorded)
     if context.demand is None:
         return "no demands"
-    return "" if context.attitudes else "no attitude of the autopilot"
+    if not context.attitudes:
+        return "no attitude of the autopilot"
+    slower = max(_period_s(context.demand.t_s), _period_s(context.attitudes[0].t_s))
+    if slower <= DEMAND_PERIOD_S:
+        return ""
+    return f"{1.0 / slower:.1f} a second are too seldom"
+
+
+def _period_s(t_s: Array) -> float:
+    return float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
 
 
 def battery(evidence: FlightEvidence) -> str:

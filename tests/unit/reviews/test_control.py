@@ -6,7 +6,7 @@ import pytest
 from h2nav.integrity.findings import Kind, Severity
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import AttitudeTrack, Context, Motors, Series, Span
-from h2nav.reviews.control import control_errors, detect_control
+from h2nav.reviews.control import control_errors, detect_control, without_touches
 from h2nav.reviews.impacts import BIN_S, Bins, Impact
 
 T_S = np.arange(0.0, 60.0, BIN_S)
@@ -88,6 +88,27 @@ def test_without_an_impact_it_went_far_and_stayed(tilt_deg, length_s, turns, is_
 def test_who_stands_on_the_ground_loses_nothing(to_s, is_lost):
     found = lost(60.0 * DEG * between(30.0, 5.0), TURN, lifted=(Span(0.0, to_s, ""),))
     assert (found is not None) == is_lost
+
+
+@pytest.mark.parametrize(
+    ("before_s", "above_m", "other_m", "is_lost"),
+    [
+        (0.4, 1.4, None, False),
+        (0.4, 1.6, None, True),
+        (0.6, 0.0, None, True),
+        (0.4, 0.0, 1.6, True),  # one height denies it
+        (0.4, None, None, True),
+    ],
+)
+def test_what_lies_as_high_as_it_was_had_touched(before_s, above_m, other_m, is_lost):
+    found = [lost(60.0 * DEG * between(30.0, 5.0), TURN)]
+    crash = CRASH._replace(t_s=found[0].from_s + before_s)
+    heights = [
+        None if one is None else Series(T_S, np.where(crash.t_s > T_S, 5.0 + one, 5.0))
+        for one in (above_m, other_m)
+    ]
+    made = Context(baro_height_m=heights[0], height_m=heights[1])
+    assert without_touches(found, made, [crash]) == (found if is_lost else [])
 
 
 def test_what_is_demanded_is_not_lost():

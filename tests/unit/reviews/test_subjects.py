@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from made_flight import made_analysis, made_flight, page_of
 from needs import tool
@@ -9,7 +10,7 @@ from reviewed_flights import flight
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import MEANINGS, FlightKind
-from h2nav.recordings.context import Said
+from h2nav.recordings.context import Said, Series
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.declared import FlightEvidence
@@ -102,6 +103,22 @@ def test_an_autopilot_that_said_nothing_may_not_have_been_heard():
         context=silent.context._replace(said=(Said(1.0, Severity.INFO, "ready"),))
     )
     assert "texts of the autopilot" in analyse(said).looked_at
+
+
+@pytest.mark.parametrize(("demand_s", "attitude_s", "why"), [
+    (0.2, 0.2, ""),
+    (0.25, 0.1, "4.0 a second are too seldom"),
+    (0.1, 0.5, "2.0 a second are too seldom"),
+])  # fmt: skip
+def test_seldom_attitudes_do_not_show_whether_they_follow_a_demand(demand_s, attitude_s, why):
+    made = flight()
+    known = made.context.attitudes[0]
+    demand_t_s, t_s = np.arange(0.0, 100.0, demand_s), np.arange(0.0, 100.0, attitude_s)
+    context = made.context._replace(
+        demand=Series(demand_t_s, np.zeros((len(demand_t_s), 3))),
+        attitudes=(known._replace(t_s=t_s, q_nb=np.tile(known.q_nb[0], (len(t_s), 1))),),
+    )
+    assert needs.demand(FlightEvidence(made._replace(context=context))) == why
 
 
 def test_what_a_compass_lacks_to_be_judged_is_said():
