@@ -20,8 +20,16 @@ AXIS = 4  # force y
 E = math.e
 
 
-def memory(channel=GYRO, seen=30.0 * E**8.01, longest=1.0, runs=math.inf, *, turning=0.0, counts=0.0,
-           step_us=1e6):  # fmt: skip
+def memory(
+    channel=GYRO,
+    seen=30.0 * E**8.01,
+    longest=1.0,
+    runs=math.inf,
+    *,
+    turning=0.0,
+    counts=0.0,
+    step_us=1e6,
+):
     """Experience of a channel: how many values, their longest run, and the number of runs.
 
     Of so many runs as usual their share shows nothing.
