@@ -62,6 +62,8 @@ FAILED_LAG_S = 0.5
 # the samples do not show all of it.
 SHAKEN = 4.0
 SHAKEN_DENSITY = 1e-3
+# The largest mean force that an accelerometer makes of vibration, as a share of its rms.
+RECTIFIED = 0.1
 SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blows
 # A larger heading error is not a small angle.
 KNOWN_HEADING_RAD = 10.0 * DEG
@@ -301,11 +303,26 @@ class _Comparison:
         }
         odds[Cause.VIBRATION] = self._vibration() + math.log(self._window.hidden_share)
         if self._shaken > SHAKING_DENSITY:
-            # What is hidden from the force looks like a false velocity, to every IMU.
-            odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], odds[Cause.VELOCITY])
+            odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], self._hidden(variants))
         if self._is_any_heading(variants):
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
         return self._decided(none.likelihood + self._by_step(odds, variants), odds, variants)
+
+    def _hidden(self, variants: Sequence[_Variant]) -> float:
+        """How likely what a shaken force hides, from every IMU, looks like a false velocity.
+
+        Single samples miss a blow, and what vibration is rectified to. A larger constant is hidden
+        only by a line at a multiple of the samples' rate.
+        """
+        shaken_m_s2 = math.sqrt(self._shaken / self._known.period_s)
+        line = math.log(self._window.hidden_share)
+        false = [one for one in variants if one.cause is Cause.VELOCITY]
+        return mean(
+            [
+                one.likelihood + (line if _drift_m_s2(one) > RECTIFIED * shaken_m_s2 else 0.0)
+                for one in false
+            ]
+        )
 
     @staticmethod
     def _by_step(odds: dict[Cause, float], variants: Sequence[_Variant]) -> float:
@@ -381,8 +398,7 @@ class _Comparison:
             tilts.append(weight * tilt)
             headings.append(weight * abs(heading))
             if likeliest.drifts:
-                own = likeliest.fit.unknowns()[-likeliest.own :]
-                drift = weight * math.hypot(*own[:2])
+                drift = weight * _drift_m_s2(likeliest)
         found = found._replace(tilt_rad=max(tilts), heading_rad=max(headings), drift_m_s2=drift)
         if self._shaken > SHAKING_DENSITY or not found.is_contradiction:
             return found
@@ -661,6 +677,11 @@ def _usual_shift(shifts: Sequence[Shift]) -> float:
         return math.inf
     squares = sum(u * u + v * v for _, u, v in shifts)
     return math.sqrt(squares / (2.0 * len(shifts)))
+
+
+def _drift_m_s2(one: _Variant) -> float:
+    """By how much the velocity drifts by a variant; 0 if it does not."""
+    return math.hypot(*one.fit.unknowns()[-one.own :][:2]) if one.drifts else 0.0
 
 
 def _likeliest(variants: Sequence[_Variant]) -> _Variant:

@@ -168,6 +168,7 @@ def signature(
     cleared=(),
     sigma_heading_rad=2.0 * DEG,
     shifts=(),
+    force_density=math.inf,
 ):
     """What 10 s show of a flight whose dead reckoning starts with these errors."""
     drive = accelerating(LENGTH_S + 0.5, seed, law=turning, bias_b=(0.0, 0.0, 0.0))
@@ -195,7 +196,7 @@ def signature(
         a, b, c = force_at(t_s)
         north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
         gained += 0.01 * np.array((north, east, down - GRAVITY))
-    known = Known(errors, mark.moment, rows.jitter_m_s, shifts=shifts)
+    known = Known(errors, mark.moment, rows.jitter_m_s, force_density=force_density, shifts=shifts)
     return causes.explain(rows.rows, known, cleared)
 
 
@@ -262,6 +263,36 @@ def test_vibration_that_the_samples_show_is_named():
     )
     # ... and is not accused where they show none.
     assert signature(force_at=shaken).decided is None
+
+
+def drifting(m_s2):
+    """Velocities that drift north from the midst of the window on."""
+
+    def velocity_at(t_s, v_n):
+        north, east, down = v_n[round(100.0 * t_s)]
+        return (north + m_s2 * max(t_s - 5.0, 0.0), east, down)
+
+    return velocity_at
+
+
+@pytest.mark.parametrize(
+    ("shaken_m_s2", "may_be_hidden"), [(1.8, False), (12.0, True), (24.0, True)]
+)
+def test_a_drift_may_be_a_shaken_force_if_that_is_rectified_to_so_much(shaken_m_s2, may_be_hidden):
+    shaken = ERRORS._replace(force_density=0.01 * shaken_m_s2**2)
+    found = signature(v_at=drifting(1.1), errors=shaken, force_density=0.01)
+    velocity, vibration = found.share(Cause.VELOCITY), found.share(Cause.VIBRATION)
+    assert velocity + vibration > 0.1
+    assert (vibration > 0.4 * velocity) is may_be_hidden
+
+
+def test_a_jump_may_always_be_a_blow_that_a_shaken_force_hides():
+    def jumped(t_s, v_n):
+        north, east, down = v_n[round(100.0 * t_s)]
+        return (north + (3.0 if t_s > 5.1 else 0.0), east, down)
+
+    found = signature(v_at=jumped, errors=ERRORS._replace(force_density=0.03))
+    assert found.share(Cause.VIBRATION) == pytest.approx(found.share(Cause.VELOCITY), rel=0.1)
 
 
 def test_a_late_receiver_is_not_a_false_velocity():
