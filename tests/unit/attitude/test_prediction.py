@@ -80,6 +80,7 @@ def test_a_correction_turns_in_ned_and_large_ones_shrink(size):
     turned = attitude_of(s) * ATTITUDE.inv()
     assert turned.as_rotvec() == pytest.approx(half / size * 2.0 * math.atan(size))
     assert s.heading_turned == pytest.approx(0.1 + 2.0 * math.atan(half[2]))
+    assert np.linalg.norm(s.q_nb) == pytest.approx(1.0)
 
 
 # --- velocity -------------------------------------------------------------------------------------
