@@ -6,7 +6,15 @@ import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind
 from h2nav.maths.rows import select_rows
-from h2nav.recordings.context import CompassRows, Context, GpsTrack, ImuTrack, Series, Span
+from h2nav.recordings.context import (
+    CompassRows,
+    Context,
+    GpsTrack,
+    ImuTrack,
+    Series,
+    Span,
+    VibrationTrack,
+)
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
@@ -180,6 +188,12 @@ def blows(evidence: FlightEvidence) -> tuple[Impact, ...]:
     return with_contacts(
         impacts(track, context, evidence.of(vertical)), evidence.of(met), binned_, context
     )
+
+
+def vibes(evidence: FlightEvidence) -> tuple[VibrationTrack, ...]:
+    """What ArduPilot measured of its accelerometers; PX4's metrics have other limits."""
+    measured = evidence.of(recorded).vibrations
+    return () if evidence.flight.autopilot.startswith("PX4") else measured
 
 
 def rate_hz(evidence: FlightEvidence) -> float:

@@ -388,9 +388,7 @@ def _level(track: ImuTrack, level: Array, flying: Mask, rate_hz: float) -> list[
 
 
 def is_measured(measured: VibrationTrack) -> Mask:
-    """(N,) rows with a level by ArduPilot; PX4's metric has other limits."""
-    if measured.level.shape[1:] != (3,):
-        return np.zeros(len(measured.t_s), dtype=bool)
+    """(N,) rows with a level."""
     return np.asarray(np.isfinite(measured.level).any(axis=1))
 
 

@@ -132,8 +132,8 @@ def shaking(evidence: FlightEvidence) -> str:
 
 def vibration(evidence: FlightEvidence) -> str:
     """The same, or the autopilot's own measure."""
-    measured = evidence.of(parts.recorded).vibrations
-    return "" if any(is_measured(one).any() for one in measured) else shaking(evidence)
+    is_known = any(is_measured(one).any() for one in evidence.of(parts.vibes))
+    return "" if is_known else shaking(evidence)
 
 
 ALWAYS: tuple[Need, ...] = (times, imu)

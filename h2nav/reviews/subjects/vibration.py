@@ -68,7 +68,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     if needs.shaking(evidence):
         measured = (
             one
-            for one in context.vibrations
+            for one in evidence.of(parts.vibes)
             if not parts.is_reported(evidence, Kind.VIBRATION, one.imu)
         )
         return [finding for one in measured for finding in detect_measured(one, armed)]

@@ -102,20 +102,20 @@ def test_strong_vibration_is_told_once():
 
 
 @pytest.mark.parametrize(
-    ("level_m_s2", "lasts_s", "axes", "is_told"),
+    ("level_m_s2", "lasts_s", "autopilot", "is_told"),
     [
-        (31.0, 11.0, 3, True),
-        (29.0, 11.0, 3, False),
-        (31.0, 9.0, 3, False),  # a landing
-        (31.0, 11.0, 1, False),  # PX4's metric
+        (31.0, 11.0, "ArduPilot", True),
+        (29.0, 11.0, "ArduPilot", False),
+        (31.0, 9.0, "ArduPilot", False),  # a landing
+        (31.0, 11.0, "PX4", False),  # its metric
     ],
 )
 def test_where_samples_are_too_seldom_the_autopilots_own_level_tells(
-    level_m_s2, lasts_s, axes, is_told
+    level_m_s2, lasts_s, autopilot, is_told
 ):
-    flown = flight()
+    flown = flight()._replace(autopilot=f"{autopilot} quadrotor 1/1")
     t_s = np.arange(0.0, 100.0, 0.2)
-    level = np.full((len(t_s), axes), 2.0)
+    level = np.full((len(t_s), 3), 2.0)
     level[(t_s > 40.0) & (t_s < 40.0 + lasts_s), -1] = level_m_s2
     measured = (VibrationTrack(0, t_s, level, 0.0 * t_s),)
     seldom = flown.context.imus[0]
@@ -128,7 +128,7 @@ def test_where_samples_are_too_seldom_the_autopilots_own_level_tells(
         found = analyse(flown._replace(context=context))
         told = [one for one in found.findings if one.kind is Kind.VIBRATION_LEVEL]
         assert len(told) == (is_told and is_seldom)
-        assert ("vibration" in found.looked_at) == (axes == 3 or not is_seldom)
+        assert ("vibration" in found.looked_at) == (autopilot != "PX4" or not is_seldom)
         for one in told:
             assert one.from_s == pytest.approx(40.2, abs=0.01)
             assert one.to_s == pytest.approx(50.8, abs=0.01)
