@@ -33,6 +33,8 @@ STILL_RAD_S = 3.0 * DEG
 STAYS_S, MOVES_S = 4.0, 0.3
 # Rougher and quicker than a person turning the vehicle over by hand.
 TOPPLED_G, TOPPLED_S = 2.0, 6.0
+# Samples further apart than this show a blow of 20 ms by chance alone.
+SELDOM_S = 0.05
 # A blow begins where the force leaves what is usual, before it is half as hard as it gets.
 TOUCHED_OF_USUAL = 1.5
 # Harder than a landing on legs, in means of 20 ms: a fall from half a metre.
@@ -121,11 +123,12 @@ def impacts(track: ImuTrack, context: Context, vertical: Sequence[Climb]) -> lis
     bins = binned(track, context)
     stood = _standing(bins, context.armed)
     lies = _lies(bins, stood, context) & _stays(vertical, bins.t_s)
+    is_seldom = float(np.median(np.diff(track.t_s))) > SELDOM_S
     for span in context.armed:
         later = [other.from_s for other in context.armed if other.from_s >= span.to_s]
         end_s = min([span.to_s + AFTER_S, *later])
         part = (bins.t_s >= span.from_s) & (bins.t_s < end_s)
-        found += _in_span(bins.part(part), lies[part], stood, span)
+        found += _in_span(bins.part(part), lies[part], stood, span, is_seldom=is_seldom)
     return found
 
 
@@ -352,14 +355,14 @@ def _standing(bins: Bins, armed: tuple[Span, ...]) -> Array:
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
 
 
-def _in_span(bins: Bins, lies: Mask, stood: Array, span: Span) -> list[Impact]:
+def _in_span(bins: Bins, lies: Mask, stood: Array, span: Span, *, is_seldom: bool) -> list[Impact]:
     blows = _blows(bins, span)
     found: list[Impact] = []
     since = 0
     for place in np.flatnonzero(lies | blows).tolist():
         if place < since or not _flown(bins, place, since):
             continue
-        impact = _impact(bins, (place, since), lies, stood, span)
+        impact = _impact(bins, (place, since), lies, stood, span, is_seldom=is_seldom)
         if impact is None:
             continue
         if not impact.is_crash:
@@ -462,9 +465,12 @@ def _flown(bins: Bins, place: int, since: int) -> bool:
 
 
 def _impact(
-    bins: Bins, between: tuple[int, int], lies: Mask, stood: Array, span: Span
+    bins: Bins, between: tuple[int, int], lies: Mask, stood: Array, span: Span, *, is_seldom: bool
 ) -> Impact | None:
-    """The blow that put it there; None if nothing was rough enough."""
+    """The blow that put it there; None if nothing was rough enough.
+
+    Seldom samples miss a blow: there it is enough that it turned over, and lies.
+    """
     place, since = between
     t_s = bins.t_s[place]
     reach_s = TOPPLED_S if lies[place] else BLOW_S
@@ -472,9 +478,12 @@ def _impact(
     near[:since] = False
     force = np.where(near, bins.peak_g, 0.0)
     peak_g, peak_rad_s = float(force.max()), float(bins.peak_rad_s[near].max())
-    if peak_g < TOPPLED_G:
+    if peak_g >= TOPPLED_G:
+        first, met = _touched(bins, force)
+    elif is_seldom and lies[place] and (turned_until := _turned_over(bins, near)) is not None:
+        first = met = turned_until
+    else:
         return None
-    first, met = _touched(bins, force)
     after = (bins.t_s >= bins.t_s[first]) & (bins.t_s < bins.t_s[first] + TOPPLED_S)
     rests = np.flatnonzero(after & _steady(bins))
     tilt = float("nan")
@@ -484,6 +493,14 @@ def _impact(
     turned, turned_s = _turned(bins, met)
     t_s = float(bins.t_s[met])
     return Impact(t_s, float(span.to_s), peak_g, peak_rad_s, tilt, turned, turned_s, is_crash)
+
+
+def _turned_over(bins: Bins, near: Mask) -> int | None:
+    """The last of these bins that turns, if it turned over until then; else None."""
+    turning = np.flatnonzero(near & (bins.peak_rad_s > HALF_TURNED_RAD))
+    if not len(turning) or _turned(bins, int(turning[-1]))[0] < TURNED_RAD:
+        return None
+    return int(turning[-1])
 
 
 def _touched(bins: Bins, force: Array) -> tuple[int, int]:

@@ -97,6 +97,28 @@ def test_a_tip_over_is_a_crash_however_short_the_log_is_afterwards():
     assert crash.size > 5.0 * GRAVITY_M_S2
 
 
+@pytest.mark.parametrize(
+    ("turned", "period_s", "is_crash"),
+    [(1.0, 0.1, True), (0.1, 0.1, False), (1.0, 0.03, False)],
+)
+def test_seldom_samples_miss_the_blow_after_which_it_lies(turned, period_s, is_crash):
+    """Turned over, or by a tenth of it, within half a second; then on its back."""
+    flown = tipped(multirotor(), 60.0)
+    first = flown.context.imus[0]
+    f_b, w_b = first.f_b.copy(), first.w_b.copy()
+    f_b[first.t_s > 60.0] = np.array([0.0, 0.0, GRAVITY_M_S2])
+    w_b[(first.t_s > 59.5) & (first.t_s <= 60.0), 0] *= turned
+    step = round(period_s / float(np.median(np.diff(first.t_s))))
+    columns = (column[::step] for column in (*first[2:4], w_b, f_b, first.m_b_ut))
+    seldom = ImuTrack(0, "IMU", *columns)
+    context = flown.context._replace(imus=(seldom,), demand=None)
+    found = analyse(flown._replace(context=context)).impacts
+    assert [one.is_crash for one in found] == [True] * is_crash
+    for one in found:
+        assert one.t_s == pytest.approx(60.0, abs=0.2)
+        assert one.turned_rad > 120.0 * DEG
+
+
 @pytest.mark.parametrize("share", [0.05, 0.4])
 def test_who_turns_a_vehicle_over_by_hand_crashes_nothing(share):
     flown = multirotor()
