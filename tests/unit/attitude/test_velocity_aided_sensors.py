@@ -10,6 +10,7 @@ from lanes import few
 from needs import DEG
 from synthetic_imu import Flight, RateLaw, brisk, fly, rms_deg, still
 from velocity_flights import (
+    FLYING,
     Drive,
     accelerating,
     follow,
@@ -168,6 +169,22 @@ def test_a_bias_that_moves_is_followed() -> None:
     assert max(map(abs, lags)) < 0.08 * DEG
     usual = filter_.kernel_gains.bias_walk
     assert all(usual < walk <= MAX_WALK for walk in filter_.kernel_state.bias_walk[:])
+
+
+@pytest.mark.parametrize(("has_field", "least_deg_s", "most_deg_s"), [(0, 0.17, 0.3), (1, 0, 0.1)])
+def test_a_vertical_bias_that_nothing_shows_may_have_warmed_up(
+    has_field: int, least_deg_s: float, most_deg_s: float
+) -> None:
+    """By 0.05 deg/s per minute; its deviation was 0.12 deg/s after two minutes without a field."""
+
+    def change(_i: int, sample: ImuSample) -> ImuSample:
+        return sample if has_field else sample._replace(m_b_ut=None)
+
+    circle = accelerating(120.0, 24, lambda _: (0.0, 0.0, 0.0), lambda _: (0.0, 0.0, 0.2))
+    filter_ = new_filter(knows_field=True)
+    filter_.use_vehicle(FLYING)
+    follow(filter_, with_samples(circle, change))
+    assert least_deg_s * DEG < math.sqrt(filter_.sensor_errors.gyro_variance[2]) < most_deg_s * DEG
 
 
 def test_a_bias_that_rests_walks_as_usual() -> None:

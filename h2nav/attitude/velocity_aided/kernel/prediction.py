@@ -8,6 +8,8 @@ import math
 from ..memory import MAX_REJECTED, Gains, Sample, State, Workspace
 from .field_offset import begin_offset, predict_offset
 
+# rad/s^2: a MEMS gyro warms up by 0.05 to 0.5 deg/s per minute.
+WARM_UP = 0.05 / 60.0 * (math.pi / 180.0)
 LONGEST_STEP = 0.15  # s: samples come at 10 Hz at least, so that of a longer step some are missing
 
 
@@ -127,6 +129,7 @@ def predict_velocity(s: State, w: Workspace, g: Gains, sample: Sample) -> None:
             s.dvelocity_e[3] = s.dvelocity_e[3] + north
         s.gained_n = s.gained_n + north
         s.gained_e = s.gained_e + east
+        warm_up(s, g, dt)
         predict_shared(s, w, g, dt)
         predict_accel(s, w, dt)
     s.velocity_n = s.velocity_n + north
@@ -244,6 +247,15 @@ def begin_bias(s: State, w: Workspace, g: Gains) -> None:
         s.p_accel[0] = g.accel_variance
         s.p_accel[2] = g.accel_variance
         s.fix_lag_variance = g.fix_lag_variance
+
+
+def warm_up(s: State, g: Gains, dt: float) -> None:
+    """Lets the deviation of a vertical bias that no field shows grow as a warm-up does.
+
+    Source: docs/filter.md Eq. (80).
+    """
+    if s.mag_accepted_age_s < 0.0 and s.p_zz > 0.0 and s.p_zz < g.bias_variance:
+        s.p_zz = s.p_zz + 2.0 * dt * WARM_UP * math.sqrt(s.p_zz)
 
 
 def predict_shared(s: State, w: Workspace, g: Gains, dt: float) -> None:

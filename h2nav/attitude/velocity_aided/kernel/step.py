@@ -6,7 +6,7 @@ Equations: docs/filter.md.
 from ..memory import FORCE_LOST, SATURATED, Gains, Sample, State, Workspace
 from .estimate import estimate
 from .heading import use_field
-from .prediction import LONGEST_STEP, predict_attitude, predict_shared, predict_velocity
+from .prediction import LONGEST_STEP, predict_attitude, predict_shared, predict_velocity, warm_up
 from .rest import doubt_steps, use_rest
 from .theta import limit, predict_theta
 from .tilt import carry_tilt, check_level, doubt_gap, doubt_rate, end_clipping
@@ -55,6 +55,7 @@ def carry(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     if sample.clipped < FORCE_LOST:
         doubt_rate(s, sample)
     if s.aided > 0.0:
+        warm_up(s, g, sample.dt_s)
         predict_shared(s, w, g, sample.dt_s)
     if sample.clipped >= FORCE_LOST:
         carry_tilt(s, g, sample)
