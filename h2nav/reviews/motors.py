@@ -8,6 +8,7 @@ centre.
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -408,7 +409,7 @@ def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
         rest = (share.sum(axis=1) - share[:, motor]) / (count - 1)
         alone = (share[:, motor] > LIMIT_SHARE) & (rest < ALONE_SHARE)
         alone &= outputs.flies & (rate > FAILED_RAD_S)
-        times = runs(alone)
+        times = _unbroken(alone, bins.t_s)
         for place, (first, last) in enumerate(times):
             before = slice(max(first - 2 * window, 0), first + 1)
             force = np.linalg.norm(bins.f_b[before], axis=1) / GRAVITY_M_S2
@@ -440,6 +441,16 @@ def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     return sorted(found, key=lambda one: one.from_s)[:1]
 
 
+def _unbroken(is_so: Mask, t_s: Array) -> list[tuple[int, int]]:
+    """Runs of bins, each ending where nothing was logged: what lasts tenths of a second is seen."""
+    found: list[tuple[int, int]] = []
+    for first, last in runs(is_so):
+        cuts = first + 1 + np.flatnonzero(np.diff(t_s[first : last + 1]) > 1.5 * BIN_S)
+        edges = [first, *cuts.tolist(), last + 1]
+        found += [(one, after - 1) for one, after in pairwise(edges)]
+    return found
+
+
 def _runs_away(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     """One motor gives its thrust whatever it is asked: the first one.
 
@@ -460,7 +471,7 @@ def _run_away(outputs: MotorOutputs, motor: int, number: int) -> Finding | None:
     asked = (share**2).mean(axis=1)
     window = round(FAILING_S / BIN_S)
     others = np.delete(share, motor, axis=1).min(axis=1, initial=1.0)
-    times = runs((share[:, motor] < others - BELOW_OTHERS) & flies)
+    times = _unbroken((share[:, motor] < others - BELOW_OTHERS) & flies, bins.t_s)
     for first, last in times:
         before = np.flatnonzero(flies[: max(first - window, 0)])
         if bins.t_s[last] - bins.t_s[first] + BIN_S < BRAKED_S or len(before) < MIN_BINS // 2:

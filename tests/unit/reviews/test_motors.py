@@ -204,3 +204,18 @@ def test_a_loss_of_thrust_that_the_autopilot_reports(text, others_us, climb_m_s,
     )
     failed = [one.sensor.number for one in found if one.kind is Kind.MOTOR_FAILED]
     assert failed == ([] if motor is None else [motor])
+
+
+@pytest.mark.parametrize(("missing", "is_told"), [((), True), ((301,), False)])
+def test_what_was_not_logged_shows_no_motor_in_vain(missing, is_told):
+    """At full output for 0.3 s, the others low, while it turns and falls."""
+    made = bins()
+    place = slice(300, 303)
+    made.w_b[299:310, 0], made.f_b[299:303] = 2.0, np.array([0.0, 0.0, -6.0])
+    pwm_us = np.full((len(T_S), 4), HOVER_US)
+    pwm_us[place] = [MAX_PWM_US, 1300.0, 1300.0, 1300.0]
+    kept = np.setdiff1d(np.arange(len(T_S)), missing)
+    outputs = Motors((1, 2, 3, 4), T_S, pwm_us, MIN_PWM_US, MAX_PWM_US)
+    context = Context(motors=outputs, armed=FLIGHT, vehicle_type=2)
+    found = detect_motors(made.part(kept), context, (), FLIGHT)
+    assert [one.sensor.number for one in found if one.kind is Kind.MOTOR_FAILED] == [1] * is_told
