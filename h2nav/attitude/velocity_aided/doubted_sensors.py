@@ -5,9 +5,8 @@ from abc import ABC, abstractmethod
 from h2nav.attitude.samples import SensorDoubt, SensorErrors, Vec3
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.heading_witness import HIGH_PASS_S, HeadingWitness
+from h2nav.attitude.velocity_aided.kernel.aiding import MAX_ACCEL_BIAS
 
-# Limit from an accelerometer's data sheet: 60 mg.
-MAX_ACCEL_BIAS_G = 0.06
 # A gyro is doubted anew when the variance of its bias grows by this factor.
 NEWS = 4.0
 
@@ -30,7 +29,7 @@ class DoubtedSensors(ABC):
             self._witness.clear(HIGH_PASS_S)
         force = None
         if self._gained() is not None and g.accel_variance > 0.0:
-            a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS_G**2) for sigma in doubt.force_b)
+            a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS**2) for sigma in doubt.force_b)
             force = (a, b)
         self._open_biases((x, y, z), force)
         if doubt.tilt_rad > 0.0:
@@ -41,7 +40,7 @@ class DoubtedSensors(ABC):
         g = self._gains.kernel
         x, y, z = (min(sigma * sigma, g.bias_variance) for sigma in rate)
         self._set_gyro_variance((x, y, z))
-        a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS_G**2) for sigma in force)
+        a, b = (min((sigma / g.gravity) ** 2, MAX_ACCEL_BIAS**2) for sigma in force)
         self._set_aided_variances((a, b), self.sensor_errors.fix_latency_variance)
 
     def know_sensors(self, errors: SensorErrors, walked_s: float) -> None:
