@@ -129,11 +129,8 @@ class _OpenRow:
         pushed = [-dt_s * part for axis in axes for part in axis]
         scaled = [-part * along for part, axis in zip(angle, axes, strict=True) for along in axis]
         own, turned_from, bent_from = self._integrals, 3 * TURNED, 3 * BENT
-        step, before_turn = (*pushed, *scaled, *used), own[turned_from:bent_from]
-        turned = [*map(add, before_turn, step)]
-        # The force of a step is bent by what has turned half-way through it.
-        middle = [0.5 * (begun + ended) for begun, ended in zip(before_turn, turned, strict=True)]
-        bent = [part for turn_s in vectors(middle) for part in cross(turn_s, force)]
+        turned = [*map(add, own[turned_from:bent_from], (*pushed, *scaled, *used))]
+        bent = [part for turn_s in vectors(turned) for part in cross(turn_s, force)]
         more = (*bent, *pushed[:6])
         self._integrals = array(
             "d", (*map(add, own[:turned_from], force), *turned, *map(add, own[bent_from:], more))
