@@ -63,7 +63,7 @@ FAILED_LAG_S = 0.5
 SHAKEN = 4.0
 SHAKEN_DENSITY = 1e-3
 # The largest mean force that an accelerometer makes of vibration, as a share of its rms.
-RECTIFIED = 0.1
+MAX_RECTIFIED = 0.1
 SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blows
 # A larger heading error is not a small angle.
 KNOWN_HEADING_RAD = 10.0 * DEG
@@ -319,7 +319,7 @@ class _Comparison:
         false = [one for one in variants if one.cause is Cause.VELOCITY]
         return mean(
             [
-                one.likelihood + (line if _drift_m_s2(one) > RECTIFIED * shaken_m_s2 else 0.0)
+                one.likelihood + (line if _drift_m_s2(one) > MAX_RECTIFIED * shaken_m_s2 else 0.0)
                 for one in false
             ]
         )

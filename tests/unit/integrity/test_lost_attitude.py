@@ -3,65 +3,34 @@
 import math
 
 import pytest
+from monitored_flights import flown
 from needs import DEG
-from synthetic_imu import FIELD
-from velocity_flights import (
-    FLYING,
-    PERIOD,
-    accelerating,
-    new_filter,
-    turning,
-    with_noise,
-    with_samples,
-    with_turned_compass,
-)
+from velocity_flights import accelerating, turning, with_noise, with_samples, with_turned_compass
 
-from h2nav.attitude.samples import VelocityFix
-from h2nav.integrity.findings import Sensor, SensorKind
 from h2nav.integrity.lost_attitude import LASTING_US, LostAttitude
-from h2nav.integrity.monitor import Monitor, Speeds
 from h2nav.maths.quaternion import exp, multiply
-from h2nav.service.own_bias import OwnBias
 
 FAULT_S, END_S = 30.0, 50.0
-NOTHING = (0.0, 0.0, 0.0)
 
 
 def drive(seed=7):
     return with_noise(accelerating(END_S, seed, law=turning), 0.2, seed)
 
 
-def lost_after_s(drive, velocity_at=lambda t_s, v_n: v_n, *, turn_n=None, has_field=True):
+def lost_after_s(drive, velocity_at=lambda t_s, v_n: v_n, turn_n=None):
     """From the fault, until the attitude is lost; None if it never is.
 
     Args:
         turn_n: by which the attitude is off from the fault on, rad; None: a filter finds it.
     """
-    filter_, bias = new_filter(knows_field=True), OwnBias()
-    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
-    monitor.use_vehicle(FLYING)
-    monitor.use_field(FIELD)
-    for i, sample in enumerate(drive.flight.samples):
-        t_s = sample.t_us * 1e-6
-        if i % PERIOD == 0:
-            fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
-            doubt = monitor.fix(fix, bias.errors(filter_.sensor_errors))
-            if doubt is not None:
-                if doubt.correction is not None:
-                    bias.correct(doubt.correction)
-                filter_.doubt(doubt)
-            if not monitor.velocity_is_false:
-                filter_.use_velocity(fix)
-        used = sample if has_field else sample._replace(m_b_ut=None)
-        monitor.check(used)
-        known = used._replace(f_b=NOTHING) if monitor.force_is_withheld else bias.felt(used)
-        estimate = bias.update(filter_, known)
-        if estimate is not None and turn_n is not None:
-            q_nb = drive.flight.q_nb[i]
-            off = multiply(exp(turn_n), q_nb) if t_s >= FAULT_S else q_nb
-            estimate = estimate._replace(q_nb=off)
-        if estimate is not None:
-            monitor.add(used, estimate)
+
+    def off(i, estimate):
+        q_nb = drive.flight.q_nb[i]
+        is_off = drive.flight.samples[i].t_us >= FAULT_S * 1e6
+        return estimate._replace(q_nb=multiply(exp(turn_n), q_nb) if is_off else q_nb)
+
+    seen = None if turn_n is None else off
+    for t_s, _, _, monitor in flown(drive, velocity_at, seen=seen):
         if monitor.attitude_is_lost:
             return t_s - FAULT_S
     return None
@@ -75,7 +44,8 @@ def test_an_attitude_that_stays_far_off_is_lost_within_ten_seconds(turn_deg):
 
 
 def test_without_a_compass_a_force_that_lasts_shows_it():
-    lost_s = lost_after_s(drive(), turn_n=(100.0 * DEG, 0.0, 0.0), has_field=False)
+    without = with_samples(drive(), lambda _i, sample: sample._replace(m_b_ut=None))
+    lost_s = lost_after_s(without, turn_n=(100.0 * DEG, 0.0, 0.0))
     assert lost_s is not None
     assert lost_s < 20.0
 
