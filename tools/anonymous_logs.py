@@ -2,9 +2,9 @@
 
 Each is given to `h2nav log anonymise`, which reviews both files and searches the new one for some
 fixes and for the id. Here every byte of it is looked at, at every offset: pairs of int32, float and
-double within 2 km of any fix of the old one, in both orders, up to 16 bytes apart; decimals in
-texts near its latitudes and longitudes; texts of the old one that look like ids, paths or
-addresses.
+double within 2 km of any fix of the old one, in both orders, up to 16 bytes apart, in degrees and
+in metres from 0 deg; decimals in texts near its latitudes and longitudes; parameters that hold its
+declination; texts of the old one that look like ids, paths or addresses.
 
 Run: python tools/anonymous_logs.py FILE...
 """
@@ -24,14 +24,18 @@ import numpy as np
 
 from h2nav.apps.log_anonymise import _facts, _kind
 from h2nav.cli import main as h2nav
+from h2nav.recordings.anonymous import DEGREE_M
 
 MARGIN_DEG = 0.02
 LONGEST_STEP = 16
-KINDS = (("<i4", 1e7), ("<f4", 1.0), ("<f8", 1.0))
+# The last one: metres from 0 deg.
+KINDS = (("<i4", 1e7), ("<f4", 1e7), ("<f4", 1.0), ("<f8", 1.0), ("<f4", DEGREE_M))
 DECIMAL = re.compile(rb"-?\d{1,3}\.\d{3,}")
 NAMING = re.compile(
     rb"[0-9A-F]{8}(?: [0-9A-F]{8}){2}|[\w.+-]{3,}@[\w-]{3,}\.\w{2,}|(?:/[\w.-]{2,}){3,}"
 )
+# With its value behind its name, in both autopilots' logs.
+DECLINATION = re.compile(rb"(?s:(?:COMPASS_DEC\0{5}|EKF2_MAG_DECL|ATT_MAG_DECL).{4})")
 
 
 class Box(NamedTuple):
@@ -86,6 +90,7 @@ def box_of(file: Path) -> Box | None:
 def remaining(old: bytes, new: bytes, box: Box | None) -> list[str]:
     """What of the old recording is still in the new one."""
     names = {name for name in NAMING.findall(old) if name in new}
+    names |= {held for held in DECLINATION.findall(old) if held in new and any(held[-4:])}
     return [f"a name: {name!r}" for name in sorted(names)] + ([] if box is None else near(new, box))
 
 

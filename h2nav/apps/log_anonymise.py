@@ -22,9 +22,10 @@ The flight is moved, not turned, to another place with the earth's field and the
 one, so that everything in the log still fits together; --to and --far give that up. Altitudes,
 headings, velocities, the shape of the way, times since boot and the time of the week stay. Dates go
 back by some weeks. Ids of processors become pseudonyms; paths, addresses and coordinates in texts
-lose their letters and digits; counters, serial numbers and network parameters become 0; raw data of
-receivers, other vehicles, files and tunnels are removed, and so are bytes that belong to no
-message. Signatures of MAVLink frames are dropped.
+lose their letters and digits; counters, serial numbers and network parameters become 0; what the
+autopilot held of the earth's field becomes the new place's; raw data of receivers, heights of the
+map, other vehicles, files and tunnels are removed, and so are bytes that belong to no message.
+Signatures of MAVLink frames are dropped.
 
 The new file is searched for the old coordinates and ids, and both are reviewed: the findings have
 to be the same. Look at it yourself before you publish it: who knows the way and the vehicle still
@@ -63,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav.recordings.anonymous import Replacement
+    from h2nav.recordings.anonymous_place import fields_of, middle_of
 
     if args.to is not None and args.far:
         raise BadInput("--to and --far: both choose the place; leave one of them out")
@@ -70,9 +72,10 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(f"{args.output}: exists; name another file with -o")
     kind = _kind(args.log)
     fixes, unix_s = _facts(kind, args.log)
-    origin = fixes[0] if fixes else None
-    target, weeks = _target(args, origin, unix_s)
-    by = Replacement(origin, target, weeks, secrets.token_bytes(32))
+    origin = middle_of(fixes)
+    elsewhere = _target(args, origin, unix_s)
+    fields = fields_of(origin, elsewhere, unix_s)
+    by = Replacement(origin, *elsewhere, secrets.token_bytes(32), fields)
     try:
         with byte_bar("anonymising") as progress:
             counted, signatures = _written(kind, args.log, args.output, by, progress)
@@ -84,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     document = {
         "path": str(args.output),
         "moved": origin is not None,
-        "weeks": weeks,
+        "weeks": elsewhere.weeks,
         "replaced": counted._asdict(),
         "signatures_dropped": signatures,
         **found,

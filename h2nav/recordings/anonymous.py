@@ -3,8 +3,8 @@
 Positions move with the same north and east distances to another place, where the earth's field is
 alike; nothing turns, because a turned flight would contradict its compass. Dates move by whole
 weeks. Ids of processors become pseudonyms, paths and addresses lose their letters. The rules know
-names of fields, as ArduPilot, PX4 and MAVLink spell them; `anonymous_logs` and `anonymous_frames`
-know the formats.
+names of fields, as ArduPilot, PX4 and MAVLink spell them; `anonymous_field` has those of the
+earth's field, `anonymous_logs` and `anonymous_frames` know the formats.
 """
 
 import hashlib
@@ -16,10 +16,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from h2nav.recordings import anonymous_field
+from h2nav.recordings.anonymous_field import BothFields
+
 WEEK_S = 604_800
-# A field that may hold a latitude, or anything else, holds one within this of the flight.
+# A field that may hold a latitude, or anything else, holds one within this of the flight. What is
+# a place for certain and further away comes to this distance: it may be one that is known (where
+# the owner flew before, a simulator's home), and would show by how much everything moved.
 NEAR_DEG = 5.0
+# Nearer to 0 deg north, 0 deg east no place is: an estimate has begun there without a fix.
+NULL_DEG = 1.0
 DEG_E7 = 1e7
+# ArduPilot's metres of a degree, and how far from its origin no vehicle of one flight is. An
+# estimate whose origin was set without a fix, at 0 deg, has the place itself as its position.
+DEGREE_M, DISPLACED_M = 111_318.84502, 100_000.0
+# Where ArduPilot's first filter clips its positions, and that it clips to the metre.
+CLIPPED_M, CLIP_WIDTH_M = 1_000_000.0, 50.0
 # Microseconds and nanoseconds of UNIX time, 2001 to 2286; since boot they are less.
 UNIX_US, UNIX_NS = (10**15, 10**16), (10**18, 10**19)
 MIN_WEEK = 1_000  # of GPS: 1999
@@ -28,17 +40,29 @@ _LATITUDE = re.compile(r"(?:.*_|[A-Za-z]{0,3})?(?:lat|latitude)(?:_.*|\d*)", re.
 _LONGITUDE = re.compile(
     r"(?:.*_|[A-Za-z]{0,3})?(?:lon|lng|long|longitude)(?:_.*|\d*)", re.IGNORECASE
 )
-_WEEK = re.compile(r".*week|gwk", re.IGNORECASE)
+# Gains of controllers along latitude and longitude, in ArduPilot until 2015.
+_NO_PLACE = re.compile(r"(?:HLD|LOITER|NAV)_(?:LAT|LON)_(?:P|I|D|IMAX)|SIM_INIT_.*_OFS")
+_WEEK = re.compile(r".*week|gwk|wn", re.IGNORECASE)
 _UTC = re.compile(r".*utc.*|.*unix.*|epoch", re.IGNORECASE)
-# Parameters that name a vehicle, its owner's network, or what it did before.
+# Parameters that name a vehicle, its parts, its owner's network or time zone, or what it did
+# before; places that PX4 keeps as whole numbers of 1e-7 deg.
 _IDENTIFYING = re.compile(
-    r"BRD_SERIAL_NUM|STAT_.*|ADSB_ICAO_ID|ADSB_SQUAWK|NET_.*ADDR.*|DID_.*|LND_FLIGHT_T_.*"
-    r"|COM_FLIGHT_UUID|SYS_NUM_RESETS"
+    r"BRD_SERIAL_NUM|BATT\d?_SERIAL_NUM|STAT_.*|ADSB_(?:ICAO_ID|ICAO_SPECL|SQUAWK|CALLSIGN.*)"
+    r"|(?:NET|DDS|PPP)_.*(?:ADDR|IP|NETMASK)\d*|UXRCE_DDS_(?:AG_IP|KEY)|WIFI_.*|DID_.*"
+    r"|LND_FLIGHT_T_.*|COM_FLIGHT_UUID|SYS_NUM_RESETS|LOG_LASTFILE"
+    r"|BRD_RTC_TZ_MIN|SDLOG_UTC_OFFSET|NAV_\w+_(?:LAT|LON)"
+)
+_NONE = -1.0  # says that there is no such id
+# Columns that name a vehicle, a part of it or a plan.
+_IDENTITY = re.compile(
+    r".*serial_?(?:number|no)|(?:.*_)?(?:uuid|unique_id)|manufacture_date|squawk"
+    r"|(?:mission|fence|geofence|safe_points|rally_points|opaque)_id",
+    re.IGNORECASE,
 )
 _UID = re.compile(rb"[0-9A-Fa-f]{8}(?: [0-9A-Fa-f]{8}){2}|[0-9A-Fa-f]{12,}")
 _NAMING = re.compile(
     rb"[\w.+-]+@[\w.-]+|\w+://\S+|[A-Za-z]:\\\S+|(?:~|\.)?(?:/[\w.@+ -]+){2,}"
-    rb"|(?:\d{1,3}\.){3}\d{1,3}"
+    rb"|(?:\d{1,3}\.){3}\d{1,3}|(?<!\d)20\d\d-\d\d-\d\d(?!\d)"
 )
 _DECIMAL = re.compile(rb"-?\d{1,3}\.\d{3,}|-?\d{7,10}")
 _LETTERS = bytes.maketrans(
@@ -62,6 +86,7 @@ class Replacement(NamedTuple):
     target: Coordinates  # where it goes
     weeks: int  # by which dates go back
     salt: bytes  # of the pseudonyms, and nowhere else
+    fields: BothFields | None = None  # None: unknown, and what depends on it is left out
 
     # --- places ---------------------------------------------------------------------------------
 
@@ -81,20 +106,34 @@ class Replacement(NamedTuple):
         apart = (value - self.origin.longitude_deg + 180.0) % 360.0 - 180.0
         return (self.target.longitude_deg + apart * shrunk + 180.0) % 360.0 - 180.0
 
-    def moved(self, name: str, stored: Numbers, *, is_sure: bool = False) -> Numbers | None:
+    def moved(
+        self,
+        name: str,
+        stored: Numbers,
+        *,
+        is_sure: bool = False,
+        other: Numbers | None = None,
+        scale: float | None = None,
+    ) -> Numbers | None:
         """The stored values of a field, if it is a latitude or a longitude; else None.
 
         Args:
-            stored: int32 are multiples of 1e-7 deg, floats degrees. 0 and not-a-number are unknown.
+            name: of the field.
+            stored: 0 and not-a-number are unknown.
             is_sure: the format says that it is a place; otherwise only values near the flight are.
+            other: of the longitude that belongs to a latitude, and the other way round.
+            scale: of one degree; 1e7 for whole numbers and 1 for floats if it is not given.
         """
         which = which_of(name)
         if which is None or stored.dtype.kind not in "if" or stored.dtype.itemsize < 4:
             return None
-        scale = DEG_E7 if stored.dtype.kind == "i" else 1.0
+        if scale is None:
+            scale = DEG_E7 if stored.dtype.kind == "i" else 1.0
         value = stored.astype(np.float64) / scale
         known = np.isfinite(value) & (value != 0.0) & (np.abs(value) <= 180.0)
-        if not is_sure:
+        if is_sure:
+            value = self._not_far(which, value, other, scale)
+        else:
             known &= self.is_near(which, value)
         function = self.latitude_deg if which == "latitude" else self.longitude_deg
         with np.errstate(invalid="ignore"):
@@ -103,6 +142,38 @@ class Replacement(NamedTuple):
             found = np.rint(np.nan_to_num(found))
         moved: Numbers = np.where(known, found, stored).astype(stored.dtype)
         return moved
+
+    def _not_far(self, which: str, value: Numbers, other: Numbers | None, scale: float) -> Numbers:
+        """Values of places, those that are far away at the edge of what is near."""
+        if self.origin is None:
+            return value
+        own = self.origin.latitude_deg if which == "latitude" else self.origin.longitude_deg
+        with np.errstate(invalid="ignore"):
+            apart = (value - own + 180.0) % 360.0 - 180.0
+            is_null = np.abs(value) < NULL_DEG
+            if other is None or max(abs(each) for each in self.origin) < NEAR_DEG:
+                is_null[:] = False
+            else:
+                is_null &= np.abs(other.astype(np.float64) / scale) < NULL_DEG
+            near = np.clip(apart, -NEAR_DEG, NEAR_DEG)
+        return own + np.where(is_null, NEAR_DEG, near)
+
+    def displaced(self, which: str, stored: Numbers) -> Numbers:
+        """Metres from an estimate's origin; from one at 0 deg they are the place.
+
+        Args:
+            which: ``latitude`` for metres north, ``longitude`` for metres east.
+            stored: floats.
+        """
+        if self.origin is None:
+            return stored
+        at = 0 if which == "latitude" else 1
+        value_m = stored.astype(np.float64)
+        with np.errstate(invalid="ignore"):
+            is_place = self.is_near(which, value_m / DEGREE_M) & (np.abs(value_m) > DISPLACED_M)
+            is_place &= np.abs(np.abs(value_m) - CLIPPED_M) > CLIP_WIDTH_M
+        by_m = (self.target[at] - self.origin[at]) * DEGREE_M
+        return np.where(is_place, value_m + by_m, value_m).astype(stored.dtype)
 
     def is_near(self, which: str, value: Numbers) -> NDArray[np.bool_]:
         """Whether values could be of the flight; without an origin all could."""
@@ -181,7 +252,12 @@ class Replacement(NamedTuple):
     def parameter(self, name: str, value: float) -> float:
         """The value of a parameter."""
         if _IDENTIFYING.fullmatch(name):
-            return 0.0
+            return value if value == _NONE else 0.0
+        other = anonymous_field.declination(self.fields, name, value)
+        if other is not None:
+            return other
+        if _NO_PLACE.fullmatch(name):
+            return value
         moved = self.moved(name, np.array([value], np.float64))
         return value if moved is None else float(moved[0])
 
@@ -194,12 +270,17 @@ def which_of(name: str) -> str | None:
     return "longitude" if _LONGITUDE.fullmatch(last) else None
 
 
+def is_identity(name: str) -> bool:
+    """Whether a field identifies a vehicle, a part of it or a plan."""
+    return _IDENTITY.fullmatch(name.rpartition(".")[2].partition("[")[0]) is not None
+
+
 def patterns_of(fixes: Sequence[Coordinates]) -> list[bytes]:
     """Places as logs store them side by side: int32, float, double, text of 4 to 7 digits."""
     found = []
     for latitude, longitude in fixes:
         pair = np.array([latitude, longitude])
-        found.append(np.rint(pair * DEG_E7).astype("<i4").tobytes())
+        found += [np.rint(pair * DEG_E7).astype(kind).tobytes() for kind in ("<i4", "<f4")]
         found += [pair.astype(kind).tobytes() for kind in ("<f4", "<f8")]
         found += [np.array([value], "<f8").tobytes() for value in pair]
         found += [f"{value:.{digits}f}".encode() for digits in (4, 5, 6, 7) for value in pair]

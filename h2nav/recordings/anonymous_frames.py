@@ -18,7 +18,8 @@ from fastcrc import crc16
 
 from h2nav.log.file import new_file
 from h2nav.log.progress import Progress
-from h2nav.recordings.anonymous import Coordinates, Replacement, which_of
+from h2nav.recordings import anonymous_field
+from h2nav.recordings.anonymous import Coordinates, Replacement, is_identity, which_of
 from h2nav.recordings.anonymous_logs import Counted
 from h2nav.recordings.frame_tables import TableMaker
 from h2nav.recordings.link_recording import Recording
@@ -31,7 +32,7 @@ DROPPED = re.compile(
     r"ADSB_VEHICLE|AIS_VESSEL|OPEN_DRONE_ID_.*|UTM_GLOBAL_POSITION|UAVIONIX_.*|COLLISION"
     r"|PARAM_EXT_.*|VIDEO_STREAM_.*|STORAGE_INFORMATION|COMPONENT_.*|GIMBAL_DEVICE_INFORMATION"
     r"|WIFI_CONFIG_AP|CELLULAR_.*|AUTH_KEY|PLAY_TUNE.*|CHANGE_OPERATOR_CONTROL|DEVICE_OP_.*"
-    r"|REMOTE_LOG_.*|LOG_ENTRY"
+    r"|REMOTE_LOG_.*|LOG_ENTRY|TERRAIN_.*|GPS2?_RTK"
 )
 NAMED = re.compile(r"NAMED_VALUE_.*|DEBUG_.*")  # by the autopilot's own program
 # Commands and mission items carry places in these, or anything else: only what is near is moved.
@@ -41,6 +42,11 @@ AS_PLACE = {
     "COMMAND_INT": _ITEM,
     "MISSION_ITEM": _ITEM,
     "MISSION_ITEM_INT": _ITEM,
+}
+# Metres from the origin of an estimate, which may be 0 deg.
+DISPLACEMENTS = {
+    ("LOCAL_POSITION_NED", "x"): "latitude",
+    ("LOCAL_POSITION_NED", "y"): "longitude",
 }
 # Positions by which the flight is found, best first.
 FIXES = {
@@ -62,6 +68,13 @@ _NUMPY = {
     "float": "<f4",
     "double": "<f8",
 }
+_COUNTED_AS = {
+    "place": "places",
+    "metres": "places",
+    "declination": "places",
+    "date": "dates",
+    "parameter": "parameters",
+}
 _PLACE_TYPES, _DATE_TYPES = (
     ("int32_t", "float", "double"),
     ("uint16_t", "uint32_t", "uint64_t", "int64_t"),
@@ -71,13 +84,16 @@ _PLACE_TYPES, _DATE_TYPES = (
 class _Edit(NamedTuple):
     """What is done to one field of a message."""
 
-    what: str  # ``place``, ``date``, ``text``, ``name``, ``id`` or ``parameter``
+    # ``place``, ``metres``, ``declination``, ``date``, ``text``, ``name``, ``id``, ``identity`` or
+    # ``parameter``
+    what: str
     name: str  # for the rules
     type_name: str
     offset: int  # bytes in the payload
     size: int
     is_sure: bool  # a place for certain
     id_at: int  # of a parameter: where its name begins
+    other_at: int  # of a latitude: where its longitude is, and the other way round; -1: nowhere
 
 
 def frame_facts(recording: Recording) -> tuple[list[Coordinates], float | None]:
@@ -150,12 +166,16 @@ def _written(frame: Frame, by: Replacement, counted: Counted) -> tuple[bytes | N
     is_foreign = layout.carries_bytes and layout.name != "AUTOPILOT_VERSION"
     if is_foreign or DROPPED.fullmatch(layout.name):
         return None, counted.plus(dropped=1)
-    payload = frame.payload
+    payload = frame.payload[: layout.size]  # of later dialects there may be more
     edits = _edits(frame.msg_id)
     if edits:
-        whole = bytearray(payload.ljust(layout.size, b"\0"))
+        old = payload.ljust(layout.size, b"\0")
+        whole = bytearray(old)
         for edit in edits:
-            counted = _edit(whole, edit, by, counted)
+            part = slice(edit.offset, edit.offset + edit.size)
+            whole[part] = new = _replaced(old, edit, by)
+            if new != old[part]:
+                counted = counted.plus(**{_COUNTED_AS.get(edit.what, "texts"): 1})
         # MAVLink 2 sends no zeros at the end.
         is_first = frame.version == 1
         payload = bytes(whole[: len(payload)]) if is_first else bytes(whole).rstrip(b"\0") or b"\0"
@@ -184,13 +204,17 @@ def _edits(msg_id: int) -> tuple[_Edit, ...]:
     layout = LAYOUTS[msg_id]
     found, offset = [], 0
     id_at = _offset_of(layout, "param_id")
+    others = _other_axes(layout)
     for field in layout.wire_fields:
         as_place = AS_PLACE.get(layout.name, {}).get(field.name)
         what = "place" if as_place else _what(layout.name, field)
         if what:
-            name = as_place or field.name
+            name = as_place or DISPLACEMENTS.get((layout.name, field.name), field.name)
             is_sure = what == "place" and not as_place
-            found.append(_Edit(what, name, field.type_name, offset, field.size, is_sure, id_at))
+            other_at = _offset_of(layout, others[field.name]) if field.name in others else -1
+            found.append(
+                _Edit(what, name, field.type_name, offset, field.size, is_sure, id_at, other_at)
+            )
         offset += field.size
     return tuple(found)
 
@@ -205,9 +229,28 @@ def _what(message: str, field: WireField) -> str:
         return "id"
     if message in ("PARAM_VALUE", "PARAM_SET") and field.name == "param_value":
         return "parameter"
+    if (message, field.name) in DISPLACEMENTS:
+        return "metres"
+    if field.name in anonymous_field.DECLINATIONS:
+        return "declination"
+    if is_identity(field.name):
+        return "identity"
     if field.length == 0 and field.type_name in _PLACE_TYPES and which_of(field.name):
         return "place"
     return "date" if field.length == 0 and field.type_name in _DATE_TYPES else ""
+
+
+def _other_axes(layout: MessageLayout) -> dict[str, str]:
+    """The longitude that belongs to each latitude, and the other way round."""
+    named: dict[str, list[WireField]] = {"latitude": [], "longitude": []}
+    for field in layout.wire_fields:
+        if which := which_of(field.name):
+            named[which].append(field)
+    found = {}
+    for one, other in zip(*named.values(), strict=False):
+        if one.type_name == other.type_name:
+            found[one.name], found[other.name] = other.name, one.name
+    return found
 
 
 def _offset_of(layout: MessageLayout, name: str) -> int:
@@ -217,39 +260,34 @@ def _offset_of(layout: MessageLayout, name: str) -> int:
     return sum(field.size for field in layout.wire_fields[:place])
 
 
-def _edit(payload: bytearray, edit: _Edit, by: Replacement, counted: Counted) -> Counted:
-    """Replaces one field in a whole payload."""
-    part = slice(edit.offset, edit.offset + edit.size)
-    old = bytes(payload[part])
+def _replaced(payload: bytes, edit: _Edit, by: Replacement) -> bytes:
+    """The new bytes of a field in a whole payload."""
+    old = payload[edit.offset : edit.offset + edit.size]
     if not any(old):
-        return counted
-    what = {"place": "places", "date": "dates", "parameter": "parameters"}.get(edit.what, "texts")
-    new = _replaced(payload, edit, old, by)
-    if new == old:
-        return counted
-    payload[part] = new
-    return counted.plus(**{what: 1})
-
-
-def _replaced(payload: bytearray, edit: _Edit, old: bytes, by: Replacement) -> bytes:
-    """The new bytes of a field."""
-    if edit.what in ("place", "date"):
-        stored = np.frombuffer(old, _NUMPY[edit.type_name])
-        other = (
-            by.moved(edit.name, stored, is_sure=edit.is_sure)
-            if edit.what == "place"
-            else by.dated(edit.name, stored)
-        )
-        return old if other is None else other.tobytes()
+        return old
+    if edit.what == "place":
+        kind = _NUMPY[edit.type_name]
+        stored = np.frombuffer(old, kind)
+        other_axis = None if edit.other_at < 0 else np.frombuffer(payload, kind, 1, edit.other_at)
+        moved = by.moved(edit.name, stored, is_sure=edit.is_sure, other=other_axis)
+        return old if moved is None else moved.tobytes()
+    if edit.what == "metres":
+        return by.displaced(edit.name, np.frombuffer(old, "<f4")).tobytes()
+    if edit.what == "date":
+        dated = by.dated(edit.name, np.frombuffer(old, _NUMPY[edit.type_name]))
+        return old if dated is None else dated.tobytes()
     if edit.what == "text":
         return by.text(old)
     if edit.what == "id":
         # The pseudonym is as long as the id, so that it is one of the same kind of autopilot.
         used = max(len(old.rstrip(b"\0")), min(ARDUPILOT_ID_BYTES, edit.size))
         return by.pseudonym(old[:used]).ljust(edit.size, b"\0")
-    if edit.what == "name":
+    if edit.what in ("name", "identity"):
         return bytes(edit.size)
-    name = bytes(payload[edit.id_at : edit.id_at + PARAMETER_BYTES]).split(b"\0", 1)[0]
+    if edit.what == "declination":
+        (value,) = struct.unpack("<f", old)
+        return struct.pack("<f", anonymous_field.declination(by.fields, edit.name, value))
+    name = payload[edit.id_at : edit.id_at + PARAMETER_BYTES].split(b"\0", 1)[0]
     (value,) = struct.unpack("<f", old)
     other_value = by.parameter(name.decode("latin-1"), value)
     if other_value == value or math.isnan(value):

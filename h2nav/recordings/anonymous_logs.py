@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from h2nav.log.progress import Progress
-from h2nav.recordings.anonymous import Coordinates, Replacement, which_of
+from h2nav.recordings import anonymous_field
+from h2nav.recordings.anonymous import DEG_E7, Coordinates, Replacement, is_identity, which_of
 from h2nav.recordings.dataflash_tables import (
     FMT_BYTES,
     FMT_TYPE,
@@ -40,22 +41,30 @@ from h2nav.recordings.ulog_tables import (
 
 Integers = NDArray[np.int64]
 
-# Raw data of receivers (their measurements show the place), of other vehicles, of files.
-DATAFLASH_DROPPED = re.compile(r"ADSB|AIS\w|FILE|GRAW|GRX[HS]|ODID|SBR\w")
+# Raw data of receivers and where they saw which satellite (both show the place), the map's heights
+# under the way, other vehicles, files.
+DATAFLASH_DROPPED = re.compile(r"ADSB|AIS\w|FILE|GRAW|GRX[HS]|ODID|SBR\w|TERR")
 ULOG_DROPPED = re.compile(
     r"transponder_report|gps_inject_data|gps_dump|mavlink_tunnel|ulog_stream|open_drone_id.*"
-    r"|uavcan_parameter.*|log_message|sensor_gnss_relative|parameter_.*"
+    r"|uavcan_parameter.*|log_message|sensor_gnss_relative|parameter_.*|satellite_info"
+    r"|device_information"
 )
 # Texts whose values are names of messages, parameters and units, or of the firmware.
 DATAFLASH_KEPT_TEXTS = frozenset({"FMT", "FMTU", "UNIT", "MULT", "VER"})
 ULOG_KEPT_INFO = re.compile(
     r"sys_name|sys_mcu|sys_os.*|sys_toolchain.*|ver_hw|ver_hw_subtype|ver_sw|ver_sw_release"
-    r"|ver_vendor_sw_release|ver_os.*|ver_data_format|time_ref_utc"
+    r"|ver_vendor_sw_release|ver_os.*|ver_data_format|metadata_\w+"
 )
 ULOG_PLACES = ("sensor_gps", "vehicle_gps_position", "vehicle_global_position", "home_position")
 FIX_3D = 3
+# Heights above the map's ground, which with the altitude are the ground's.
+MAP_HEIGHTS = frozenset({("CTUN", "TAlt")})
 # Columns that carry a place, or anything else: only what is near the flight is moved.
 PLACE_COLUMNS = (
+    ("MAVC", "X", "lat"),
+    ("MAVC", "Y", "lon"),
+    ("GUID", "pX", "lat"),
+    ("GUID", "pY", "lon"),
     ("vehicle_command", "param5", "lat"),
     ("vehicle_command", "param6", "lon"),
     ("estimator_aid_src_gnss_pos", "observation[0]", "lat"),
@@ -63,6 +72,12 @@ PLACE_COLUMNS = (
     ("estimator_aid_src_aux_global_position", "observation[0]", "lat"),
     ("estimator_aid_src_aux_global_position", "observation[1]", "lon"),
 )
+# Floats that hold multiples of 1e-7 deg.
+FLOATS_OF_E7 = frozenset({"GUID"})
+# In metres if they are stored as floats: the local position.
+DOUBLES_ONLY, DOUBLE_BYTES = "observation[", 8
+# Positions of an estimate, metres.
+DISPLACEMENTS = {"PN": "latitude", "PE": "longitude"}
 _MULTI_INFO, _DEFAULT = ord("M"), ord("Q")
 
 
@@ -210,9 +225,11 @@ def _dataflash_rows(
     if name == "PARM":
         return _dataflash_parameters(rows, by, counted)
     letters = dict(zip(form.columns, form.letters, strict=True))
+    others = _other_axes(rows)
     for column in rows.columns:
         is_sure = letters[column] == "L"
-        counted = _column(rows, column, by, counted, is_sure=is_sure)
+        described = _Column(name, column, is_sure, others.get(column))
+        counted = _column(rows, described, by, counted)
         if letters[column] in "nNZ" and name not in DATAFLASH_KEPT_TEXTS:
             counted = _texts(rows, column, by, counted)
         elif is_sure and which_of(column) is None:
@@ -222,7 +239,7 @@ def _dataflash_rows(
             stored = rows.stored(column)
             rows.write(column, [_other_number(one, by) for one in stored])
             counted = counted.plus(texts=len(rows))
-    return counted
+    return _field_states(rows, by, counted)
 
 
 def _other_number(value: Any, by: Replacement) -> Any:
@@ -291,11 +308,12 @@ def _ulog_rows(topic: str, rows: _Rows, by: Replacement, counted: Counted) -> Co
             if column != "timestamp":
                 rows.write(column, np.zeros_like(rows.stored(column)))
             continue
-        as_place = next((one[2] for one in PLACE_COLUMNS if one[:2] == (topic, column)), None)
-        counted = _column(rows, column, by, counted, name=as_place)
+        counted = _column(rows, _Column(topic, column), by, counted)
         if rows.row[column].kind == "S":
             counted = _texts(rows, column, by, counted)
-    return counted.plus(dropped=len(rows) if is_dropped else 0)
+    if is_dropped:
+        return counted.plus(dropped=len(rows))
+    return _field_states(rows, by, counted)
 
 
 def _ulog_notes(data: mmap, layout: ULogLayout, by: Replacement, counted: Counted) -> Counted:
@@ -314,8 +332,8 @@ def _ulog_notes(data: mmap, layout: ULogLayout, by: Replacement, counted: Counte
             if kind in (PARAMETER, _DEFAULT):
                 other = _ulog_parameter(type_name, name, value, by)
                 counted = _write(data, value_at, other, counted, "parameters")
-            elif type_name.startswith("char"):
-                other = _ulog_info(name, value, by)
+            else:
+                other = _ulog_info(type_name, name, value, by)
                 counted = _write(data, value_at, other, counted, "texts")
     return counted
 
@@ -329,11 +347,13 @@ def _ulog_parameter(type_name: str, name: str, value: bytes, by: Replacement) ->
     return value if other == float(stored[0]) else np.array([other], kind).tobytes()
 
 
-def _ulog_info(name: str, value: bytes, by: Replacement) -> bytes:
-    """Ids become pseudonyms; what is not known to be harmless, blanks."""
+def _ulog_info(type_name: str, name: str, value: bytes, by: Replacement) -> bytes:
+    """Ids become pseudonyms; what is not known to be harmless, blanks or zeros."""
     if name == "sys_uuid":
         return by.text(value)
-    return value if ULOG_KEPT_INFO.fullmatch(name) else b" " * len(value)
+    if ULOG_KEPT_INFO.fullmatch(name):
+        return value
+    return (b" " if type_name.startswith("char") else b"\0") * len(value)
 
 
 def _write(data: mmap, place: int, value: bytes, counted: Counted, what: str) -> Counted:
@@ -360,27 +380,75 @@ def _copy(path: Path, output: Path) -> Iterator[mmap]:
         raise
 
 
-def _column(
-    rows: _Rows,
-    column: str,
-    by: Replacement,
-    counted: Counted,
-    *,
-    name: str | None = None,
-    is_sure: bool = False,
-) -> Counted:
-    """Moves places and dates of one column."""
-    name = name or column
-    if which_of(name) is None and rows.row[column].kind not in "iu":
+class _Column(NamedTuple):
+    """A column of a message."""
+
+    message: str
+    name: str
+    is_sure: bool = False  # the format says that it is a place
+    other: NDArray[Any] | None = None  # what the column of the other axis held
+
+
+def _other_axes(rows: _Rows) -> dict[str, NDArray[Any]]:
+    """The longitudes that belong to each column of latitudes, and the other way round."""
+    pairs: dict[str, list[str]] = {"latitude": [], "longitude": []}
+    for column in rows.columns:
+        if which := which_of(column):
+            pairs[which].append(column)
+    found = {}
+    for one, other in zip(*pairs.values(), strict=False):
+        found[one], found[other] = rows.stored(other), rows.stored(one)
+    return found
+
+
+def _column(rows: _Rows, column: _Column, by: Replacement, counted: Counted) -> Counted:
+    """Moves places and dates of one column, and clears what identifies."""
+    may_be_date = rows.row[column.name].kind in "iu"
+    other = _replaced(rows, column, by)
+    what = "places"
+    if other is None and may_be_date:
+        what, other = "dates", by.dated(column.name, rows.stored(column.name))
+    if other is None:
         return counted
-    stored = rows.stored(column)
-    for what, other in (("places", by.moved(name, stored, is_sure=is_sure)),
-                        ("dates", by.dated(name, stored))):  # fmt: skip
-        if other is not None:
-            differs = int(np.count_nonzero(other != stored))
-            if differs:
-                rows.write(column, other)
-            return counted.plus(**{what: differs})
+    differs = int(np.count_nonzero(other != rows.stored(column.name)))
+    if differs:
+        rows.write(column.name, other)
+    return counted.plus(**{what: differs})
+
+
+def _replaced(rows: _Rows, column: _Column, by: Replacement) -> NDArray[Any] | None:
+    """What shows a place or an identity, replaced; None if the column is of neither."""
+    message, name = column.message, column.name
+    kind = rows.row[name]
+    if kind.kind not in "iuf":
+        return None
+    if is_identity(name) or (message, name) in MAP_HEIGHTS:
+        return np.zeros(len(rows), kind)
+    if name in DISPLACEMENTS and kind.kind == "f":
+        return by.displaced(DISPLACEMENTS[name], rows.stored(name))
+    if name in anonymous_field.REFERENCES:
+        return anonymous_field.reference(by.fields, name, rows.stored(name))
+    as_place = next((one[2] for one in PLACE_COLUMNS if one[:2] == (message, name)), None)
+    if as_place is not None:
+        if name.startswith(DOUBLES_ONLY) and kind.itemsize < DOUBLE_BYTES:
+            return None
+        scale = DEG_E7 if message in FLOATS_OF_E7 else None
+        return by.moved(as_place, rows.stored(name), scale=scale)
+    if which_of(name) is None:
+        return None
+    return by.moved(name, rows.stored(name), is_sure=column.is_sure, other=column.other)
+
+
+def _field_states(rows: _Rows, by: Replacement, counted: Counted) -> Counted:
+    """The earth's field among the states of the autopilot's filter."""
+    for columns, unit_ut in anonymous_field.STATES:
+        if all(column in rows.columns for column in columns):
+            stored = np.stack([rows.stored(column) for column in columns], axis=1)
+            other = anonymous_field.states(by.fields, stored, unit_ut)
+            differs = (other != stored).any(axis=1)
+            for column, values in zip(columns, other.T, strict=True):
+                rows.write(column, values)
+            counted = counted.plus(places=int(np.count_nonzero(differs)))
     return counted
 
 

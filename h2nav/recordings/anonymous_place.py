@@ -8,13 +8,15 @@ the place. What a search finds lies on the edge of what it may find, so the edge
 
 import math
 import random
-from collections.abc import Callable
+import statistics
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from h2nav.attitude.samples import EarthField
-from h2nav.files.earth_field import earth_field_at
+from h2nav.files.earth_field import UNDATED_UNIX_S, earth_field_at
 from h2nav.maths.units import EARTH_RADIUS_M
 from h2nav.recordings.anonymous import WEEK_S, Coordinates
+from h2nav.recordings.anonymous_field import BothFields
 
 # Gravity differs by 0.003 m/s^2 over this.
 BAND_DEG = 3.0
@@ -72,6 +74,29 @@ def similar_place(origin: Coordinates, unix_s: float, weeks: range, seed: int) -
     tried = [Elsewhere(_drawn(edge, rng, i % 2 == 0), rng.choice(weeks)) for i in range(TRIES)]
     scored = sorted((cost(each), each) for each in tried)[:BEST]
     return min(_refined(each, score, cost, weeks, rng) for score, each in scored)[1]
+
+
+def middle_of(fixes: Sequence[Coordinates]) -> Coordinates | None:
+    """The fix that is nearest to the medians of all; the first ones may be a receiver's errors."""
+    if not fixes:
+        return None
+    north_deg, east_deg = (statistics.median(axis) for axis in zip(*fixes, strict=True))
+    return min(
+        fixes,
+        key=lambda fix: math.hypot(fix.latitude_deg - north_deg, fix.longitude_deg - east_deg),
+    )
+
+
+def fields_of(
+    origin: Coordinates | None, elsewhere: Elsewhere, unix_s: float | None
+) -> BothFields | None:
+    """The fields of the old and of the new place and date; None where one of them is unknown."""
+    if origin is None:
+        return None
+    old_s = UNDATED_UNIX_S if unix_s is None else unix_s
+    new_s = UNDATED_UNIX_S if unix_s is None else unix_s - elsewhere.weeks * WEEK_S
+    old, new = earth_field_at(*origin, 0.0, old_s), earth_field_at(*elsewhere.place, 0.0, new_s)
+    return None if old is None or new is None else BothFields(old, new)
 
 
 def difference(one: EarthField, other: EarthField) -> float:
