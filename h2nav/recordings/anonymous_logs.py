@@ -369,15 +369,15 @@ def _write(data: mmap, place: int, value: bytes, counted: Counted, what: str) ->
 @contextmanager
 def _copy(path: Path, output: Path) -> Iterator[mmap]:
     """A copy of a file, to be written over; removed again if that fails."""
-    with output.open("xb") as stream, path.open("rb") as old:
-        shutil.copyfileobj(old, stream, 1 << 22)
-    try:
-        with output.open("r+b") as stream:
+    with path.open("rb") as old, output.open("x+b") as stream:
+        try:
+            shutil.copyfileobj(old, stream, 1 << 22)
+            stream.flush()
             # It closes with the last view of it.
             yield mmap(stream.fileno(), 0)
-    except BaseException:
-        output.unlink()
-        raise
+        except BaseException:
+            output.unlink()
+            raise
 
 
 class _Column(NamedTuple):
