@@ -3,6 +3,7 @@
 `tests/unit/translate/test_new_state.py` executes that of a filter's state.
 """
 
+import filecmp
 import os
 import re
 import runpy
@@ -21,9 +22,15 @@ A_FILE = re.compile(r"[\w./*-]+(?:\.(?:py|md|yaml|toml|json|js|sh|css)|/)")
 NEW = {"memory.py", "kernel/", "gains.py", "filter.py"}
 
 # A recipe that a test executes is a file: its docstring is the recipe's name, `CHANGES` what it
-# writes (file -> the text of a new one, or pairs of what is there once and what it becomes). Run as
-# a program in the changed copy, it checks what then holds.
+# writes (file -> the text of a new one, or pairs of what is there once and what it becomes), and
+# `WRITTEN`, if there is one, the files that the tools which it names write. Run as a program in the
+# changed copy, it checks what then holds.
 EXECUTED = sorted((REPOSITORY / "tests" / "recipes").glob("*.py"))
+# Of the tests the copy has what a recipe changes, before ours.
+COPIED = (
+    *("h2nav", "configs", "docs", "gains", "packaging", "tools"),
+    *("README.md", "CHANGELOG.md", "pyproject.toml"),
+)
 
 
 def where_to_add() -> dict[str, str]:
@@ -62,27 +69,44 @@ def test_the_check_sees_a_file_that_is_gone() -> None:
 def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: Path, tmp_path: Path) -> None:
     about = runpy.run_path(str(recipe))
     text = where_to_add()[about["__doc__"]]
-    ignored = shutil.ignore_patterns("__pycache__", "*.so")
-    shutil.copytree(REPOSITORY / "h2nav", tmp_path / "h2nav", ignore=ignored)
-    (tmp_path / "gains").symlink_to(REPOSITORY / "gains")
+    copy_to(tmp_path)
     for path, change in about["CHANGES"].items():
         place = tmp_path / path
         room = f"{Path(path).parent}/".removeprefix("h2nav/")
         assert path.removeprefix("h2nav/") in text or Path(path).name in text or room in text
+        place.parent.mkdir(parents=True, exist_ok=True)
         if isinstance(change, str):
             assert not place.exists()
             place.write_text(change, encoding="utf-8")
             continue
-        place.parent.mkdir(exist_ok=True)
         whole = (REPOSITORY / path).read_text(encoding="utf-8")
         for before, after in change:
             assert whole.count(before) == 1, (path, before)
             whole = whole.replace(before, after)
         place.write_text(whole, encoding="utf-8")
-    places = [str(tmp_path), str(REPOSITORY / "tests")]
+    places = [str(tmp_path), str(tmp_path / "tests"), str(REPOSITORY / "tests")]
     done = subprocess.run(
         [sys.executable, recipe],
         cwd=tmp_path, env={"PYTHONPATH": os.pathsep.join(places), "PATH": "/usr/bin"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+    assert changed_in(tmp_path) == set(about["CHANGES"]) | set(about.get("WRITTEN", ()))
+
+
+def copy_to(place: Path) -> None:
+    """Copies what a recipe may change; the compiled kernels are those of other kernels then."""
+    ignored = shutil.ignore_patterns("__pycache__", "*.so")
+    for name in COPIED:
+        if (REPOSITORY / name).is_dir():
+            shutil.copytree(REPOSITORY / name, place / name, ignore=ignored)
+        else:
+            shutil.copy(REPOSITORY / name, place / name)
+
+
+def changed_in(place: Path) -> set[str]:
+    """The files of a copy that are new or other than ours."""
+    names = [str(path.relative_to(place)) for path in place.rglob("*") if path.is_file()]
+    names = [name for name in names if "__pycache__" not in name]
+    _, other, new = filecmp.cmpfiles(REPOSITORY, place, names, shallow=False)
+    return {*other, *new}
