@@ -13,6 +13,9 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 
+# What a filter is told besides the samples.
+InputRecord = VehicleState | EarthField | SensorDelays | VelocityFix
+
 
 class FilterState(NamedTuple):
     """The complete state of a filter between two calls.
@@ -79,9 +82,23 @@ class AttitudeFilter(Protocol):
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
 
 
-def pass_on(
-    chosen: AttitudeFilter, what: VehicleState | EarthField | SensorDelays | VelocityFix
-) -> None:
+class IgnoresInputs:
+    """Inherited by filters that do without some of these records."""
+
+    def use_vehicle(self, vehicle: VehicleState) -> None:
+        """Ignored; see `AttitudeFilter`."""
+
+    def use_velocity(self, fix: VelocityFix) -> None:
+        """Ignored; see `AttitudeFilter`."""
+
+    def use_delays(self, delays: SensorDelays) -> None:
+        """Ignored; see `AttitudeFilter`."""
+
+    def doubt(self, doubt: SensorDoubt) -> None:
+        """Ignored; see `AttitudeFilter`."""
+
+
+def pass_on(chosen: AttitudeFilter, what: InputRecord) -> None:
     """Passes a filter one record other than a sample."""
     if isinstance(what, VelocityFix):
         chosen.use_velocity(what)

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from h2nav.attitude.batch_driver import BatchSamples, Floats, Integers, Mask
-from h2nav.attitude.filter import AttitudeFilter, pass_on
+from h2nav.attitude.filter import AttitudeFilter, InputRecord, pass_on
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
 from h2nav.attitude.native import compiled_step
 from h2nav.attitude.record import is_in_c
@@ -63,7 +63,6 @@ _KNOWN_BY_EITHER = _CONVERGED | _REFERENCED
 # (N,) predicted deviations, rad, and (N,) whether they are known.
 _Deviation = tuple[Floats, Mask]
 FilterMaker = Callable[[], AttitudeFilter]
-Record = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class Given(NamedTuple):
@@ -75,7 +74,7 @@ class Given(NamedTuple):
     """
 
     samples: BatchSamples
-    inputs: Sequence[tuple[int, Record]]
+    inputs: Sequence[tuple[int, InputRecord]]
 
 
 class Smoothed(NamedTuple):
@@ -169,9 +168,9 @@ class _Piece(NamedTuple):
     fixes: Conditions[VelocityFix]
 
     @property
-    def inputs(self) -> Conditions[Record]:
+    def inputs(self) -> Conditions[InputRecord]:
         """All of them in the order in which a filter takes them."""
-        found: Conditions[Record] = [
+        found: Conditions[InputRecord] = [
             *_changes(self.vehicles),
             *_changes(self.fields),
             *_changes(self.delays),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from h2nav.attitude.batch_driver import BatchSamples, Integers, Table
-from h2nav.attitude.filter import AttitudeFilter, FilterState, pass_on
+from h2nav.attitude.filter import AttitudeFilter, FilterState, InputRecord, pass_on
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -18,7 +18,7 @@ from h2nav.attitude.samples import (
     VehicleState,
     VelocityFix,
 )
-from h2nav.recordings.trials import FilterInput, InputRecord
+from h2nav.recordings.trials import FilterInput
 from h2nav.service.autopilot import Identity
 
 UNKNOWN = (math.nan, math.nan, math.nan)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from h2nav.attitude.samples import EarthField, SensorDelays, VehicleState, VelocityFix
+from h2nav.attitude.filter import InputRecord
 from h2nav.errors import BadInput
 from h2nav.files.npz_arrays import NumberArray, read_arrays
 
@@ -25,9 +25,6 @@ RECORDING_SUFFIXES = (".tlog", ".mcap", ".bytes")
 KEYS = ("fs", "t", "gyr", "acc", "mag", "q", "mask", "heading_fixed", "gps")
 LONGEST_S = 1e8  # three years
 _VECTORS = {"gyr": 3, "acc": 3, "mag": 3, "q": 4}
-
-
-InputRecord = VehicleState | EarthField | SensorDelays | VelocityFix
 
 
 class FilterInput(NamedTuple):

@@ -28,6 +28,7 @@ if __name__ == "__main__":
     from pathlib import Path
 
     import needs
+    import pytest
 
     needs.REPOSITORY = Path.cwd()
     from unit import test_figures as held
@@ -38,9 +39,5 @@ if __name__ == "__main__":
     held.test_every_source_is_used_and_says_how_it_was_measured()
     # Another value than the source's is noticed.
     held.SOURCE["made"]["figures"]["apart"] = "1.64 m"
-    try:
+    with pytest.raises(AssertionError, match=r"made\.apart"):
         held.test_every_quoted_figure_is_that_of_the_source()
-    except AssertionError as error:
-        assert "made.apart" in str(error)
-    else:
-        raise AssertionError("a wrong figure is not noticed")

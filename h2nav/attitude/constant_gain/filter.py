@@ -18,7 +18,7 @@ from h2nav.attitude.constant_gain.gains import (
 )
 from h2nav.attitude.constant_gain.kernel.step import reset, restart, update
 from h2nav.attitude.constant_gain.memory import Gains, Sample, State
-from h2nav.attitude.filter import FilterState
+from h2nav.attitude.filter import FilterState, IgnoresInputs
 from h2nav.attitude.integer.motion import MAX_DT_US
 from h2nav.attitude.native import CompiledStep
 from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
@@ -26,13 +26,9 @@ from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
     ImuSample,
-    SensorDelays,
-    SensorDoubt,
     SensorErrors,
     Trust,
     Vec3,
-    VehicleState,
-    VelocityFix,
 )
 from h2nav.errors import BadInput
 from h2nav.maths.quaternion import conjugate, multiply
@@ -61,8 +57,11 @@ def fill_sample(u: Sample, w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: 
     u.dt_us = dt_us
 
 
-class ConstantGainFilter:
+class ConstantGainFilter(IgnoresInputs):
     """The constant-gain filter, in integers.
+
+    It has no velocity, takes every field as new, and its gains are the same on the ground and for a
+    doubted sensor: it ignores what it is told of these.
 
     Args:
         model: of a gain file; the constant gains follow from it, also for every new field.
@@ -221,28 +220,16 @@ class ConstantGainFilter:
             trust |= Trust.SATURATED
         return trust
 
-    def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Ignored: the constant gains are the same on the ground."""
-
     def use_field(self, field: EarthField) -> None:
         """Takes the expected field, on which gains and gates depend."""
         if field._replace(declination_rad=0.0) != self._field._replace(declination_rad=0.0):
             self._use_gains(field)
         self._field = field
 
-    def use_velocity(self, fix: VelocityFix) -> None:
-        """Ignored: this filter has no velocity."""
-
-    def use_delays(self, delays: SensorDelays) -> None:
-        """Ignored: this filter takes the field as new."""
-
     @property
     def sensor_errors(self) -> SensorErrors:
         """This filter estimates nothing of its sensors; see `AttitudeFilter`."""
         return SensorErrors((0.0, 0.0, 0.0))
-
-    def doubt(self, doubt: SensorDoubt) -> None:
-        """Its gains do not change; see `AttitudeFilter`."""
 
     def restart(self) -> None:
         """Forgets time and attitude; keeps the bias."""
