@@ -19,7 +19,7 @@ from needs import REPOSITORY
 TOP = ("docs", "gains", "tests", "tools", "configs", "packaging", "native")
 A_FILE = re.compile(r"[\w./*-]+(?:\.(?:py|md|yaml|toml|json|js|sh|css)|/)")
 # What a recipe tells to create, and generated folders.
-NEW = {"memory.py", "kernel/", "gains.py", "filter.py"}
+NEW = {"attitude/NAME/", "attitude/NAME/kernel/"}
 
 # A recipe that a test executes is a file: its docstring is the recipe's name, `CHANGES` what it
 # writes (file -> the text of a new one, or pairs of what is there once and what it becomes), and
@@ -72,7 +72,7 @@ def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: Path, tmp_
     copy_to(tmp_path)
     for path, change in about["CHANGES"].items():
         place = tmp_path / path
-        room = f"{Path(path).parent}/".removeprefix("h2nav/")
+        room = f"{Path(path).parent}/".removeprefix("h2nav/").replace("/made/", "/NAME/")
         assert path.removeprefix("h2nav/") in text or Path(path).name in text or room in text
         place.parent.mkdir(parents=True, exist_ok=True)
         if isinstance(change, str):
@@ -84,10 +84,10 @@ def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: Path, tmp_
             assert whole.count(before) == 1, (path, before)
             whole = whole.replace(before, after)
         place.write_text(whole, encoding="utf-8")
-    places = [str(tmp_path), str(tmp_path / "tests"), str(REPOSITORY / "tests")]
+    copied, ours = ((str(place), str(place / "tests")) for place in (tmp_path, REPOSITORY))
     done = subprocess.run(
         [sys.executable, recipe],
-        cwd=tmp_path, env={"PYTHONPATH": os.pathsep.join(places), "PATH": "/usr/bin"},
+        cwd=tmp_path, env={"PYTHONPATH": os.pathsep.join((*copied, *ours)), "PATH": "/usr/bin"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
