@@ -19,7 +19,7 @@ FASTEST_M_S = 1000.0
 # This many fixes in a row, no further apart than this, switch aiding on; without one it goes off.
 FIXES_TO_START = 3
 LOST_S = 2.5
-SHORTEST_PERIOD_S = 0.05
+SHORTEST_PERIOD_US = 50_000
 # Time over which the acceleration at a fix is taken.
 RATE_S = 0.1
 # Length of the filter's past, for fixes that are late.
@@ -80,9 +80,10 @@ class VelocityAiding:
             return False
         if not math.hypot(north, east) < FASTEST_M_S or (self._fixes and fix.t_us <= self._fix_us):
             return False
-        gap_s = (fix.t_us - self._fix_us) * 1e-6
-        if self._fixes and gap_s < SHORTEST_PERIOD_S:
+        gap_us = fix.t_us - self._fix_us
+        if self._fixes and gap_us < SHORTEST_PERIOD_US:
             return False
+        gap_s = gap_us * 1e-6
         if gap_s > LOST_S:
             self._fixes = 0
         self._fixes = min(self._fixes + 1, FIXES_TO_START)
