@@ -266,6 +266,48 @@ def test_a_delay_of_one_against_the_other_is_learnt(late_us):
     )
 
 
+def test_what_is_large_but_does_not_fail_is_learnt_at_once():
+    both = Pair()
+    large = window((15.0 * DEG, 0.0, 0.0))
+    assert 0.7 < both.compare(large, window()) < 1.0
+    assert both.compare(large, window()) < 0.1
+
+
+def seen_last(seconds, after_s):
+    """Two whose delay, turn and scale have shown in motion, and not for a time since."""
+    drawn, both = random.Random(4), Pair()
+    for _ in range(round(seconds / WINDOW_S)):
+        slope, rate = ([drawn.uniform(-2.0, 2.0) for _ in range(3)] for _ in range(2))
+        both.compare(window(rate, slope=slope), window(rate, slope=slope))
+    both.compare(window(), window(), round(after_s / WINDOW_S))
+    return both
+
+
+@pytest.mark.parametrize(
+    ("after_s", "apart_s"),
+    # 1 ms, and 0.1 ms per root second since it was seen, of which four deviations fail
+    [(1.0, 0.004), (900.0, 4.0 * math.hypot(0.001, 1e-4 * 30.0))],
+)
+def test_a_delay_that_was_learnt_may_change(after_s, apart_s):
+    slope = (20.0, 0.0, 0.0)
+    for share, fails in ((0.85, False), (1.2, True)):
+        both = seen_last(60.0, after_s)
+        late = (share * apart_s * slope[0], 0.0, 0.0)
+        assert (both.compare(window(slope=slope), window(late, slope=slope)) > 1.0) is fails
+
+
+@pytest.mark.parametrize(
+    ("after_s", "scale"),
+    # 0.3 % of nonlinearity, and 0.01 % per root second since it was seen
+    [(1.0, 0.012), (2500.0, 4.0 * math.hypot(0.003, 1e-4 * 50.0))],
+)
+def test_a_scale_that_was_learnt_may_change(after_s, scale):
+    for share, fails in ((0.85, False), (1.2, True)):
+        both = seen_last(60.0, after_s)
+        first = ((1.0 + share * scale) * 4.0, 0.0, 0.0)
+        assert (both.compare(window(first), window((4.0, 0.0, 0.0))) > 1.0) is fails
+
+
 @pytest.mark.parametrize("late_us", [4000, -4000])
 def test_samples_of_two_times_are_compared_at_one(late_us):
     both, slope = learnt(), (3.0, -2.0, 1.0)
