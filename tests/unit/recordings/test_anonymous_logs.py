@@ -158,7 +158,10 @@ def test_messages_about_others_keep_nothing_but_their_times(tmp_path, name, is_d
     ("letter", "column", "value", "becomes"),
     [
         ("L", "Lat", 47.41, 45.41),
-        ("L", "HLat", 10.0, 8.0),  # the format says that it is a place, however far
+        # a place that may be known comes near, or would show by how much all moved
+        ("L", "HLat", 10.0, 40.4),
+        ("L", "HLat", 52.3, 50.3),
+        ("L", "HLat", 52.5, 50.4),
         ("L", "Lng", 8.5, 12.5),
         ("L", "Home", 47.41, 0.0),  # which of both is not known
         ("d", "Lat", 47.41, 45.41),
@@ -320,10 +323,12 @@ def test_information_that_is_not_known_to_be_harmless_becomes_blanks(tmp_path, k
     assert counted == Counted(texts=0 if stays else 1)
 
 
-def test_a_number_as_information_stays(tmp_path):
-    data, counted = ulog(tmp_path, notes=[("I", "uint32_t time_ref", struct.pack("<I", 4711))])
-    assert struct.pack("<I", 4711) in data
-    assert counted == Counted()
+@pytest.mark.parametrize(("name", "stays"), [("time_ref", False), ("ver_data_format", True)])
+def test_a_number_that_is_not_known_to_be_harmless_becomes_zero(tmp_path, name, stays):
+    number, key = struct.pack("<I", 4711), f"uint32_t {name}"
+    data, _ = ulog(tmp_path, notes=[("I", key, number)])
+    assert (key.encode() + number in data) is stays
+    assert (key.encode() + bytes(4) in data) is not stays
 
 
 def test_the_id_of_a_processor_becomes_another_one(tmp_path):
