@@ -282,6 +282,7 @@ def _is_below(v: Vec3, limit: float) -> bool:
             '    "h2nav.attitude.made", "h2nav.attitude.made.kernel",\n'
             '    "h2nav.attitude.velocity_aided", ',
         ),
+        ('    "constant_gain",\n', '    "constant_gain | made",\n'),
     ),
     "h2nav/apps/algorithms.py": (
         (
@@ -328,6 +329,9 @@ from h2nav.attitude.made.gains import made_gains
     "velocity_aided": lambda:""",
         ),
     ),
+    "tests/unit/apps/test_filters.py": (
+        ("CASES = [\n", 'CASES = [\n    ("made", "float", "made"),\n'),
+    ),
     "tests/unit/attitude/test_native.py": (
         (
             "from h2nav.attitude.native import SWITCH,",
@@ -357,11 +361,10 @@ if __name__ == "__main__":
     from pathlib import Path
 
     from needs import REPOSITORY
+    from unit.apps import test_filters as names
     from unit.attitude import test_native as native
 
-    from h2nav.apps.configuration import FilterSettings
     from h2nav.apps.export_c import kernel_sources
-    from h2nav.apps.filters import FilterFactory
     from h2nav.attitude.kernel_files import FILTERS, MADE
     from h2nav.cli import main
     from h2nav.translate.batch import batch_c
@@ -376,8 +379,8 @@ if __name__ == "__main__":
     assert int(told.stdout.split(" passed")[0].split()[-1]) > 40, told.stdout
 
     # A vehicle gets it by its name.
-    filters = FilterFactory.shipped(FilterSettings(name="made"), 100.0)
-    filters.check()
+    names.test_every_name_is_tried()
+    names.test_a_name_and_an_arithmetic_give_a_filter("made", "float", "made")
     schema, page = map(Path, ("configs/schema.json", "docs/memory.md"))
     with schema.open("w", encoding="utf-8") as file, contextlib.redirect_stdout(file):
         assert main(["check-config", "--schema"]) == 0

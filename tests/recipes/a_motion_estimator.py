@@ -4,19 +4,33 @@ CHANGES = {
     "h2nav/service/motion_made.py": '''\
 """A made one: it counts samples."""
 
+from collections import Counter
+
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample
 from h2nav.service.effects import Effect, Record
-from h2nav.service.motion import NoMotion
 from h2nav.service.motion_records import MadeRecord
+from h2nav.service.requested_stream import WantedStream
+from h2nav.wire.readers import Envelope
 
 
-class MadeMotion(NoMotion):
+class MadeMotion:
     """Counts samples."""
 
     is_estimated = True
+    message_ids: frozenset[int] = frozenset()
+    wanted_streams: tuple[WantedStream, ...] = ()
 
     def __init__(self) -> None:
+        self.rejected: Counter[str] = Counter()
         self._count = 0
+
+    def on_message(self, _envelope: Envelope, _measured: object) -> list[Effect]:
+        """It needs none."""
+        return []
+
+    def on_refusal(self, _envelope: Envelope, _reason: str) -> list[Effect]:
+        """It needs none."""
+        return []
 
     def on_sample(
         self, _t_ns: int, sample: ImuSample, _estimate: AttitudeEstimate | None
@@ -24,14 +38,22 @@ class MadeMotion(NoMotion):
         """Tells how many have come."""
         self._count += 1
         return [Record("/made", MadeRecord(sample.t_us, self._count))]
+
+    def restart(self) -> None:
+        """Counts from 0 again."""
+        self._count = 0
 ''',
     "h2nav/service/motion.py": (
+        (
+            "from h2nav.service.motion_output import",
+            """\
+from h2nav.service.motion_made import MadeMotion
+from h2nav.service.motion_output import""",
+        ),
         (
             "    return NoMotion()\n",
             """\
     if motion.estimator == "made":
-        from h2nav.service.motion_made import MadeMotion
-
         return MadeMotion()
     return NoMotion()
 """,

@@ -31,6 +31,8 @@ COPIED = (
     *("h2nav", "configs", "docs", "gains", "packaging", "tools"),
     *("README.md", "CHANGELOG.md", "pyproject.toml"),
 )
+# A module that a recipe makes keeps to the rules of imports.
+IMPORTS = "import importlinter.cli as cli, sys; sys.exit(cli.lint_imports(no_cache=True))"
 
 
 def where_to_add() -> dict[str, str]:
@@ -84,14 +86,21 @@ def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: Path, tmp_
             assert whole.count(before) == 1, (path, before)
             whole = whole.replace(before, after)
         place.write_text(whole, encoding="utf-8")
-    copied, ours = ((str(place), str(place / "tests")) for place in (tmp_path, REPOSITORY))
+    run_in(tmp_path, str(recipe))
+    if any(isinstance(change, str) for change in about["CHANGES"].values()):
+        run_in(tmp_path, "-c", IMPORTS)
+    assert changed_in(tmp_path) == set(about["CHANGES"]) | set(about.get("WRITTEN", ()))
+
+
+def run_in(place: Path, *command: str) -> None:
+    """Runs Python with the copy's modules before ours."""
+    copied, ours = ((str(root), str(root / "tests")) for root in (place, REPOSITORY))
     done = subprocess.run(
-        [sys.executable, recipe],
-        cwd=tmp_path, env={"PYTHONPATH": os.pathsep.join((*copied, *ours)), "PATH": "/usr/bin"},
+        [sys.executable, *command],
+        cwd=place, env={"PYTHONPATH": os.pathsep.join((*copied, *ours)), "PATH": "/usr/bin"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert changed_in(tmp_path) == set(about["CHANGES"]) | set(about.get("WRITTEN", ()))
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def copy_to(place: Path) -> None:
