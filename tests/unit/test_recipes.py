@@ -67,6 +67,11 @@ def test_the_check_sees_a_file_that_is_gone() -> None:
     assert len(where_to_add()) > 30
 
 
+def test_every_recipe_is_carried_out() -> None:
+    executed = {runpy.run_path(str(recipe))["__doc__"] for recipe in EXECUTED}
+    assert set(where_to_add()) == executed | {"A state of the velocity-aided filter"}
+
+
 @pytest.mark.parametrize("recipe", few(8, EXECUTED), ids=lambda path: path.stem)
 def test_a_recipe_does_what_it_says_and_touches_no_other_file(recipe: Path, tmp_path: Path) -> None:
     about = runpy.run_path(str(recipe))
