@@ -3,6 +3,7 @@
 import argparse
 import secrets
 import sys
+import tempfile
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,8 +29,9 @@ map, other vehicles, files and tunnels are removed, and so are bytes that belong
 Signatures of MAVLink frames are dropped.
 
 The new file is searched for the old coordinates and ids, and both are reviewed: the findings have
-to be the same. Look at it yourself before you publish it: who knows the way and the vehicle still
-knows the flight.
+to be the same. Where one is at the limit of a test and differs, up to four other places are drawn,
+and the best is kept. Look at the file yourself before you publish it: who knows the way and the
+vehicle still knows the flight.
 
 FILE is a dataflash log (.bin), a ULog file (.ulg), a telemetry log (.tlog), raw MAVLink, or our own
 log (.mcap). The new file has the same format, but of the last two it is a telemetry log: the frames
@@ -38,6 +40,8 @@ that were received, without our configuration, estimates and texts.
 exit status: 1 if something remained or the findings differ; the new file is kept."""
 # Findings of both reviews are the same within this.
 SAME_S = 0.5
+# Places that are drawn until the findings are the same.
+MAX_DRAWS = 5
 # Weeks by which dates go back.
 MAX_WEEKS = 400
 
@@ -63,41 +67,73 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
-    from h2nav.recordings.anonymous import Replacement
-    from h2nav.recordings.anonymous_place import fields_of, middle_of
-
     if args.to is not None and args.far:
         raise BadInput("--to and --far: both choose the place; leave one of them out")
     if args.output.exists():
         raise BadInput(f"{args.output}: exists; name another file with -o")
+    document = _best(args)
+    if args.json:
+        print_json(document)
+    else:
+        _show(document)
+    is_good = not document["remains"] and not document["differences"]
+    return 0 if is_good else 1
+
+
+def _best(args: argparse.Namespace) -> dict[str, Any]:
+    """Anonymises to the first place drawn whose review is the same, or else to the best of some.
+
+    What is found at the limit of a test may not be found with a field that is a little off.
+    """
     kind = _kind(args.log)
     fixes, unix_s = _facts(kind, args.log)
+    best = _drawn(args, kind, fixes, unix_s, args.output)
+    old = None if args.no_check else _reviewed(args.log)
+    _check(best, fixes, old)
+    has_choice = best["moved"] and args.to is None and not args.far
+    draws = MAX_DRAWS if has_choice else 1
+    while best["differences"] and not best["remains"] and best["draws"] < draws:
+        with tempfile.TemporaryDirectory(dir=args.output.parent) as folder:
+            path = Path(folder) / args.output.name
+            other = _drawn(args, kind, fixes, unix_s, path)
+            _check(other, fixes, old)
+            other["draws"] = best["draws"] = best["draws"] + 1
+            if len(other["differences"]) < len(best["differences"]) and not other["remains"]:
+                path.replace(args.output)
+                best = {**other, "path": str(args.output)}
+    return best
+
+
+def _drawn(
+    args: argparse.Namespace,
+    kind: str,
+    fixes: "list[Coordinates]",
+    unix_s: float | None,
+    output: Path,
+) -> dict[str, Any]:
+    """Writes the recording as it would have been somewhere else, and says what was replaced."""
+    from h2nav.recordings.anonymous import Replacement
+    from h2nav.recordings.anonymous_place import fields_of, middle_of
+
     origin = middle_of(fixes)
     elsewhere = _target(args, origin, unix_s)
     fields = fields_of(origin, elsewhere, unix_s)
     by = Replacement(origin, *elsewhere, secrets.token_bytes(32), fields)
     try:
         with byte_bar("anonymising") as progress:
-            counted, signatures = _written(kind, args.log, args.output, by, progress)
+            counted, signatures = _written(kind, args.log, output, by, progress)
     except OSError as error:
         raise BadInput(
-            f"{error.filename or args.output}: {error.strerror}; name a place that can be written"
+            f"{error.filename or output}: {error.strerror}; name a place that can be written"
         ) from error
-    found = _checked(args, fixes)
-    document = {
-        "path": str(args.output),
+    return {
+        "path": str(output),
         "moved": origin is not None,
         "weeks": elsewhere.weeks,
+        "draws": 1,
         "replaced": counted._asdict(),
         "signatures_dropped": signatures,
-        **found,
     }
-    if args.json:
-        print_json(document)
-    else:
-        _show(document)
-    is_good = not found["remains"] and not found["differences"]
-    return 0 if is_good else 1
 
 
 def _kind(path: Path) -> str:
@@ -181,20 +217,27 @@ def _written(
 # --- the check ----------------------------------------------------------------------------------
 
 
-def _checked(args: argparse.Namespace, fixes: "list[Coordinates]") -> dict[str, Any]:
-    """What remained, and how the findings differ; null where that was not looked at."""
+def _check(
+    document: dict[str, Any], fixes: "list[Coordinates]", old: dict[str, Any] | None
+) -> None:
+    """Adds what remained, and how the findings differ; null where that was not looked at.
+
+    Args:
+        document: of the new recording.
+        fixes: of the old one.
+        old: its review.
+    """
     from h2nav.recordings.anonymous_check import remains
 
-    if args.no_check:
-        return {"remains": remains(args.output, fixes, ()), "differences": None, "findings": None}
-    old, new = (_reviewed(path) for path in (args.log, args.output))
+    output = Path(document["path"])
+    if old is None:
+        document |= {"remains": remains(output, fixes, ()), "findings": None, "differences": None}
+        return
     names = [name for name in (old["airframe"]["uid"],) if name]
-    found = remains(args.output, fixes, names)
-    return {
-        "remains": found,
-        "findings": len(old["findings"]),
-        "differences": differences(old["findings"], new["findings"]),
-    }
+    new = _reviewed(output)
+    document["remains"] = remains(output, fixes, names)
+    document["findings"] = len(old["findings"])
+    document["differences"] = differences(old["findings"], new["findings"])
 
 
 def _reviewed(path: Path) -> dict[str, Any]:
@@ -247,5 +290,7 @@ def _show(document: dict[str, Any]) -> None:
         print("not reviewed")
     elif not document["differences"]:
         print(f"the reviews of both have the same findings ({document['findings']})")
+    if document["draws"] > 1:
+        print(f"{document['draws']} places were tried")
     for line in document["differences"] or ():
         print(f"h2nav: {line}", file=sys.stderr)

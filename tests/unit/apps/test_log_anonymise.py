@@ -5,6 +5,7 @@ import json
 import pytest
 from replayed import rewritten
 
+from h2nav.apps import log_anonymise
 from h2nav.apps.log_anonymise import differences
 from h2nav.cli import BAD_INPUT, SUCCESS, main
 
@@ -37,6 +38,64 @@ def test_a_place_of_ones_own(flight, tmp_path, capsys):
     capsys.readouterr()
     assert main([*words, "--to", "47.4,8.5"]) == SUCCESS
     assert "not reviewed" in capsys.readouterr().out
+
+
+ONE, OTHER = (
+    {
+        "kind": kind, "source": "IMU 1", "severity": "warning", "from_s": 1.0, "to_s": 2.0,
+        "text": "near a magnet",
+    }
+    for kind in ("magnet", "iron")
+)  # fmt: skip
+
+
+@pytest.fixture
+def reviewed(monkeypatch):
+    """Reviews that find what a test puts into the list; the bytes that they were given."""
+    found, given = [], []
+
+    def review(path):
+        given.append(path.read_bytes())
+        return {"airframe": {"uid": ""}, "findings": found[len(given) - 1]}
+
+    monkeypatch.setattr(log_anonymise, "_reviewed", review)
+    return found, given
+
+
+def test_another_place_is_drawn_where_a_finding_is_at_its_limit(flight, tmp_path, capsys, reviewed):
+    found, given = reviewed
+    found += [[ONE], [], [ONE]]
+    output = tmp_path / "new.tlog"
+    words = ["log", "anonymise", str(flight), "-o", str(output), "--json"]
+    assert main(words) == SUCCESS
+    document = json.loads(capsys.readouterr().out)
+    assert document["draws"] == 2
+    assert document["differences"] == document["remains"] == []
+    assert document["path"] == str(output)
+    assert output.read_bytes() == given[2] != given[1]
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_of_places_that_all_differ_the_best_is_kept(flight, tmp_path, capsys, reviewed):
+    found, given = reviewed
+    found += [[ONE, OTHER], [], [], [ONE], [], [OTHER]]
+    output = tmp_path / "new.tlog"
+    words = ["log", "anonymise", str(flight), "-o", str(output), "--json"]
+    assert main(words) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["draws"] == 5
+    assert document["differences"] == ["no longer found: warning: 1.0 s: IMU 1: near a magnet"]
+    assert output.read_bytes() == given[3]
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_a_place_of_ones_own_is_drawn_once(flight, tmp_path, capsys, reviewed):
+    found, given = reviewed
+    found += [[ONE], []]
+    output = tmp_path / "new.tlog"
+    words = ["log", "anonymise", str(flight), "-o", str(output), "--json", "--to", "47.4,8.5"]
+    assert main(words) == 1
+    assert len(given) == 2
 
 
 def test_what_cannot_be_done_is_named(tmp_path, capsys):
