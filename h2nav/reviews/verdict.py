@@ -293,7 +293,7 @@ def _flown(
             (one.kind, one.sensor if _has(one, Trait.EACH) else None): one for one in serious[::-1]
         }
         kept = [one for one in serious if one in firsts.values()]
-        parts = list(dict.fromkeys(_phrase(one) + _lacking(one, found) for one in kept))
+        parts = list(dict.fromkeys(_phrases(kept, found)))
         shown = _listed(parts[:MAX_SENSORS])
         more = len(parts) - MAX_SENSORS
         rest = f", and {more} more" if more > 0 else ""
@@ -312,11 +312,27 @@ def _flown(
     return f"{begin} Looked at: {', '.join(looked)}."
 
 
+def _phrases(kept: list[Finding], found: list[Finding]) -> list[str]:
+    """Each with what it led to; that thrust was lacking is said once, where it began."""
+    led_s = min((one.from_s for one in kept if _lacking(one, found)), default=np.inf)
+    limits = [one for one in kept if one.kind is Kind.MOTOR_SATURATED]
+    repeats = [one for one in limits if one.from_s > led_s]
+    is_said = len(repeats) < len(limits)
+    shown = (one for one in kept if one not in repeats)
+    return [_phrase(one) + ("" if is_said else _lacking(one, found)) for one in shown]
+
+
 def _lacking(one: Finding, found: list[Finding]) -> str:
     """What a battery led to, if motors met their limit for it."""
     limits = (each for each in found if each.kind is Kind.MOTOR_SATURATED)
     is_so = one.kind is Kind.BATTERY and any(each.cause == one.id for each in limits)
     return ", then thrust was lacking" if is_so else ""
+
+
+def _without_repeats(kept: list[Finding], found: list[Finding]) -> list[Finding]:
+    """Without motors that met their limit again after a battery is said to have led to it."""
+    since_s = min((one.from_s for one in kept if _lacking(one, found)), default=np.inf)
+    return [one for one in kept if one.kind is not Kind.MOTOR_SATURATED or one.from_s < since_s]
 
 
 def _ending(context: Context, ends: Ending) -> str:

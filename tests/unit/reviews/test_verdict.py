@@ -90,6 +90,11 @@ def said(*found, speed_m_s=np.nan, tilt_deg=0.0, own=(), looked=LOOKED, blind=()
          "No crash. The battery was low (9.2 V), then thrust was lacking."),
         ((BATTERY, SATURATED._replace(cause="other")), {},
          "No crash. The battery was low (9.2 V)."),
+        # once, also where they met their limit before or after that
+        ((BATTERY, SATURATED._replace(cause="battery.33"), SATURATED._replace(from_s=60.0)), {},
+         "No crash. The battery was low (9.2 V), then thrust was lacking."),
+        ((SATURATED._replace(from_s=20.0), BATTERY, SATURATED._replace(cause="battery.33")), {},
+         "No crash. Motor 2 at its limit and the battery was low (9.2 V)."),
     ],
 )  # fmt: skip
 def test_a_flight_without_a_crash(found, how, text):
