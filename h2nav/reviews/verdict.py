@@ -79,7 +79,12 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
     crashes = sorted(
         (one for one in of_vehicle if one.kind is Kind.CRASH), key=lambda one: one.from_s
     )
-    lost = [one for one in of_vehicle if one.kind is Kind.LOSS_OF_CONTROL and one.cause is None]
+    lost = [
+        one
+        for one in of_vehicle
+        if one.kind is Kind.LOSS_OF_CONTROL and one.severity <= Severity.WARNING
+        if one.cause is None or _path(one, of_vehicle)
+    ]
     missing = tuple(f"{name} ({why})" for name, why in analysis.blind)
     if crashes:
         text = _crashed(flight, analysis, crashes, of_vehicle)
@@ -132,11 +137,10 @@ def _crash(context: Context, analysis: Analysis, crash: Finding, found: list[Fin
     root = chained[0]
     if root.kind is Kind.LOSS_OF_CONTROL:
         return f"{end[:1].upper()}{end[1:]}. {_before(context, crash, found)}"
-    begin = _phrase(root)
+    begin = _timed(root)
     if root.kind == FLOWN_INTO_GROUND:
+        begin = _phrase(root)
         return f"{begin[:1].upper()}{begin[1:]}{end.removeprefix('crashed')}."
-    if not A_TIME.search(begin) and not _has(root, Trait.INDEPENDENT):
-        begin += f" at {root.from_s:.0f} s"
     if root.kind is Kind.MOTOR_FAILED:
         more = [
             one
@@ -249,7 +253,8 @@ def _until(crash: Finding, found: list[Finding]) -> str:
     sensors = [one for one in before if one.sensor.kind in SENSORS and one.cause is None]
     estimators = [one for one in before if _has(one, Trait.ABOUT_ESTIMATOR) and one.cause is None]
     motors = [one for one in before if one.kind is Kind.MOTOR_IMBALANCE]
-    parts = [_phrase(one) for one in (*motors, *sensors)]
+    failsafes = [one for one in before if one.kind is Kind.SAID_FAILSAFE and one.cause is None]
+    parts = [_phrase(one) for one in (*motors, *sensors, *failsafes)]
     if estimators and not sensors:
         parts += [_phrase(one) for one in estimators]
     unique = list(dict.fromkeys(parts))[:MAX_SENSORS]
@@ -266,7 +271,12 @@ def _sound(analysis: Analysis) -> str:
 
 def _lost(context: Context, analysis: Analysis, lost: Finding, found: list[Finding]) -> str:
     said = _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
-    return f"{said} {_until(lost, found) or _sound(analysis)}"
+    known = _path(lost, found)
+    if known:
+        root = _timed(known[0])
+        said = f"{root[:1].upper()}{root[1:]}, then {said[:1].lower()}{said[1:]}"
+    until = _until(lost, [one for one in found if one not in known])
+    return f"{said} {until}".strip() if until or known else f"{said} {_sound(analysis)}"
 
 
 def _flown(
@@ -372,6 +382,13 @@ def _phrase(one: Finding) -> str:
         said = said.replace(f"{alone} at its", f"{alone} at their")
         said = said.replace(alone, _motors(list(one.sensor.numbers)))
     return said
+
+
+def _timed(one: Finding) -> str:
+    """The same with the time at which it began, unless it says that or always held."""
+    said = _phrase(one)
+    is_timed = A_TIME.search(said) or _has(one, Trait.INDEPENDENT)
+    return said if is_timed else f"{said} at {one.from_s:.0f} s"
 
 
 def _has(one: Finding, trait: Trait) -> bool:

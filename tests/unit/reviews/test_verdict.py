@@ -37,6 +37,9 @@ OF_GPS = finding(Kind.GPS_VELOCITY, GPS, 31.0)
 OF_AUTOPILOT = finding(Kind.AUTOPILOT_HEADING, Sensor(SensorKind.AUTOPILOT), 32.0)
 BATTERY = finding(Kind.BATTERY, Sensor(SensorKind.BATTERY), 33.0, "the battery was low (9.2 V)")
 SATURATED = finding(Kind.MOTOR_SATURATED, Sensor(SensorKind.MOTOR, 2), 34.0, "motor 2 at its limit")
+OF_RADIO = finding(
+    Kind.SAID_FAILSAFE, Sensor(SensorKind.AUTOPILOT), text="the autopilot said: radio failsafe"
+)
 PAUSED = finding(Kind.IMU_GAPS, IMU, 35.0, "gaps of the IMU")
 
 
@@ -243,6 +246,8 @@ def test_what_led_to_a_crash(found, text):
         ((PAUSED,), SOUND),
         ((OF_AUTOPILOT,), "Before that, the autopilot's heading was wrong."),
         ((OF_FIELD, OF_AUTOPILOT), "Before that, the compass was disturbed."),
+        ((OF_RADIO,), "Before that, the autopilot said: radio failsafe."),
+        ((OF_RADIO._replace(cause="other"),), SOUND),
         ((OF_FIELD, OF_GPS, BATTERY, finding(Kind.BARO, Sensor(SensorKind.BAROMETER), size=0.0)),
          "Before that, the compass was disturbed, the GPS velocity was wrong and the battery was "
          "low (9.2 V)."),
@@ -267,6 +272,21 @@ def test_a_loss_of_control_without_a_crash():
         "Before that, the compass was disturbed."
     )
     assert said(LOST._replace(cause="x"), OF_FIELD) == "No crash. The compass was disturbed."
+
+
+def test_a_loss_of_control_with_its_cause_without_a_crash():
+    lost = LOST._replace(cause="compass_field.30")
+    assert said(lost, OF_FIELD, BATTERY) == (
+        "The compass was disturbed at 30 s, then control was lost at 58 s: roll +90 deg where +5 "
+        "deg was demanded. Before that, the battery was low (9.2 V)."
+    )
+    assert said(lost, OF_FIELD) == (
+        "The compass was disturbed at 30 s, then control was lost at 58 s: roll +90 deg where +5 "
+        "deg was demanded."
+    )
+    # a note of it is none
+    note = lost._replace(severity=Severity.NOTICE)
+    assert said(note, OF_FIELD) == "No crash. The compass was disturbed."
 
 
 @pytest.mark.parametrize(
