@@ -68,6 +68,8 @@ class _Phrase(NamedTuple):
 
 # A vehicle that crashes is disarmed at once.
 CRASH = Kind.SAID_CRASH
+# Whose it is, is said with it.
+FAILSAFE = "failsafe"
 AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
 
@@ -95,9 +97,15 @@ PHRASES = (
     _Phrase(
         Kind.SAID_FAILSAFE,
         r"failsafe (activated|mode)|(radio|throttle|GCS|ground station|fence) failsafe"
-        r"|manual control.* lost|data ?link lost|flight termination|parachute.*release",
-        "failsafe",
+        r"|manual control.* lost|data ?link lost|flight termination",
+        FAILSAFE,
     ),
+    _Phrase(
+        Kind.SAID_FAILSAFE,
+        r"fence\b.*(breach|violat|exceed)|breach\w* .*fence|^fence(: \d+)?$",
+        "fence breached",
+    ),
+    _Phrase(Kind.SAID_FAILSAFE, r"parachute.*release", "parachute released"),
     _Phrase(
         CRASH,
         r"crash|thrust loss|flip detected|roll.pitch angle.*(fail|exceed)",
@@ -108,6 +116,8 @@ WHOSE = re.compile(r"radio|throttle|GCS|ground station|fence|data ?link", re.IGN
 # ArduPilot's texts before take-off are preparations. PX4 also says "Preflight Fail" in flight,
 # where it counts.
 PREARM = re.compile(r"pre-?arm", re.IGNORECASE)
+# What ends is no second one.
+OVER = re.compile(r"failsafe (cleared|off)\b|: over$", re.IGNORECASE)
 PREFLIGHT, FLOWN_S = re.compile(r"preflight", re.IGNORECASE), 5.0
 
 
@@ -147,13 +157,14 @@ def detect_texts(context: Context) -> list[Finding]:
             for said in context.said
             if re.search(pattern, said.text, re.IGNORECASE)
             and not PREARM.search(said.text)
+            and not OVER.search(said.text)
             and _counts(context, said, is_end=kind is CRASH)
         ]
         if kind is Kind.ESTIMATOR_SWITCH and context.primary:
             continue
         if texts:
             said = texts[0]
-            whose = WHOSE.search(said.text) if kind is Kind.SAID_FAILSAFE else None
+            whose = WHOSE.search(said.text) if text == FAILSAFE else None
             found.append(_quoted(kind, f"{whose[0]} failsafe" if whose else text, texts))
     return found
 

@@ -7,8 +7,9 @@ from reviewed_flights import GPS_HZ, estimates, flight, ideal
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
-from h2nav.recordings.context import Array, AttitudeTrack, Said, Span
+from h2nav.recordings.context import Array, AttitudeTrack, Context, Said, Span
 from h2nav.reviews.analysis import analyse
+from h2nav.reviews.estimators import detect_texts
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.inertial import exponential
 
@@ -197,3 +198,25 @@ def test_a_gyro_that_is_known_to_be_frozen_accuses_no_heading():
         for known in ((), (finding,))
     ]
     assert ["attitude_reset" in each for each in kinds] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("texts", "told"),
+    [
+        (("Radio Failsafe - Continuing Landing",), ["Radio failsafe"]),
+        (("Radio Failsafe", "Radio Failsafe Cleared", "radio failsafe: over"), ["Radio failsafe"]),
+        (("GCS Failsafe", "GCS Failsafe"), ["GCS failsafe, 2 times"]),
+        (("Failsafe mode activated",), ["failsafe"]),
+        (("Max Alt fence breached",), ["fence breached"]),
+        (("Geofence violated", "fence: over"), ["fence breached"]),
+        (("fence",), ["fence breached"]),  # of ERR, by number
+        (("fence: 2",), ["fence breached"]),
+        (("Parachute: Released",), ["parachute released"]),
+        (("fence enabled", "defence: 2", "PreArm: fence breached", "Parachute: Enabled"), []),
+    ],
+)
+def test_failsafes_that_the_autopilot_told(texts, told):
+    said_ = tuple(Said(30.0 + at_s, Severity.CRITICAL, text) for at_s, text in enumerate(texts))
+    armed = (Span(1.0, 90.0, "armed"),)
+    found = detect_texts(Context(duration_s=100.0, armed=armed, said=said_))
+    assert [one.text for one in found] == [f"the autopilot said: {text}" for text in told]
