@@ -60,6 +60,8 @@ MOVING_RAD_S, MOVING_BINS = 1.0 * DEG, 10
 # A fall from 2 m: landing gear is made for one of half a metre (3 m/s). The ground ends it, if a
 # thrust of 2.5 times the weight could not.
 CRASH_M_S, GROUND_M_S2 = 6.3, 1.5 * GRAVITY_M_S2
+# Harder than that, by more than sources of a speed may differ.
+HARD_M_S = 3.0 + AGREE_M_S
 # A blow and the end of a descent this close together are one.
 SAME_S = 2.0
 # The autopilot's crash check triggers within this time of a crash.
@@ -152,10 +154,10 @@ def with_contacts(
     stood = _standing(bins, context.armed)
     for contact in met:
         is_known = any(abs(contact.t_s - blow.t_s) < SAME_S for blow in seen)
-        if is_known or not _is_crash(contact, 2):
-            continue
         span = next((one for one in context.armed if one.from_s <= contact.t_s <= one.to_s), None)
-        if span is not None:
+        if is_known or span is None:
+            continue
+        if _is_crash(contact, 2) or _is_hard(contact, bins, span):
             seen.append(_of_contact(bins, contact, stood, span))
     return tuple(sorted(seen, key=lambda one: one.t_s))
 
@@ -179,7 +181,7 @@ def _of_contact(bins: Bins, contact: Contact, stood: Array, span: Span) -> Impac
         float(_angle(bins.f_b[rests[-1:]], stood)[0]) if len(rests) else float("nan"),
         turned,
         turned_s,
-        is_crash=True,
+        is_crash=_is_crash(contact, 2),
         speed_m_s=contact.speed_m_s,
         shown_by=contact.shown_by,
     )
@@ -197,6 +199,14 @@ def _is_crash(contact: Contact, sources: int) -> bool:
     """Whether so many sources show that it met the ground faster than any landing."""
     is_shown = len(contact.shown_by) >= sources
     return is_shown and contact.speed_m_s > CRASH_M_S and contact.stop_m_s2 > GROUND_M_S2
+
+
+def _is_hard(contact: Contact, bins: Bins, span: Span) -> bool:
+    """Whether two sources show that it landed faster than landing gear is made for, and is down."""
+    if len(contact.shown_by) < 2 or contact.speed_m_s < HARD_M_S:
+        return False
+    place = int(np.searchsorted(bins.t_s, contact.t_s).clip(max=len(bins.t_s) - 1))
+    return _is_down(bins, place, span)
 
 
 def binned(track: ImuTrack, context: Context) -> Bins:

@@ -68,7 +68,11 @@ KINDS = (
         phrase=lambda one: f"it {one.text} at {one.from_s:.0f} s",
         section="attitude",
         traits=Trait.INDEPENDENT,
-        shown_by="as `crash`",
+        shown_by=(
+            "as `crash`; or a descent that ends at once by two sources, after which the motors "
+            "stop, or it keeps still"
+        ),
+        limit="without the blow: 4 m/s",
     ),
     Declared(
         Kind.AUTOPILOT_CRASH_CHECK,

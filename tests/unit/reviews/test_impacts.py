@@ -290,6 +290,31 @@ def test_a_descent_that_ends_at_once_is_a_crash_without_a_blow(met, is_found):
     )
 
 
+@pytest.mark.parametrize(
+    ("met", "stops_s", "is_found"),
+    [
+        (contact(4.1), AT_S + 0.5, True),
+        (contact(3.9), AT_S + 0.5, False),
+        (contact(6.2), AT_S + 0.5, True),
+        # one source may be wrong, and what flies on has not landed
+        (contact(6.2, shown_by=MANY[:1], denied_by=MANY[1:]), AT_S + 0.5, False),
+        (contact(6.2), END_S, False),
+        (contact(6.2), AT_S + 2.5, True),
+        (contact(6.2), AT_S + 3.5, False),
+        (contact(6.2, t_s=50.5), AT_S + 0.5, False),  # disarmed
+    ],
+)
+def test_a_quick_descent_that_ends_on_the_ground_is_a_hard_landing_without_a_blow(
+    met, stops_s, is_found
+):
+    made = flying_bins(END_S)
+    made = made._replace(driven=np.where(made.t_s < stops_s, 0.5, 0.0))
+    found = with_contacts([], [met], made, Context(armed=ARMED))
+    assert [(one.t_s, one.is_crash, one.speed_m_s) for one in found] == (
+        [(met.t_s, False, met.speed_m_s)] if is_found else []
+    )
+
+
 def test_crashes_are_in_the_order_of_time():
     met = [contact(), contact(t_s=20.0)]
     found = with_contacts([BLOW], met, flying_bins(END_S), Context(armed=ARMED))
