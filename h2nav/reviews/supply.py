@@ -1,5 +1,6 @@
 """Battery and barometer: the autopilot's reports and the measured values."""
 
+import math
 import re
 
 import numpy as np
@@ -26,6 +27,10 @@ LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
 # No cell that flies holds less than this under load; a pack has two at the least. Nor does a
 # battery's voltage rise by this share while it carries a vehicle.
 MIN_CELL_V, MIN_CELLS = 2.5, 2
+# Nor is a sound lithium cell discharged below this under load, by any data sheet. There are as
+# many cells as the highest voltage takes at the least, and they held so much: a wrong scale holds
+# less.
+EMPTY_CELL_V, FULL_CELL_V, HELD_CELL_V, EMPTY_S = 3.0, 4.35, 3.5, 2.0
 # Where limits are set: 3.3 to 3.7 V a cell.
 LIMIT_CELL_V = 3.5
 FULL_QUANTILE = 0.9
@@ -57,7 +62,7 @@ def detect_battery(context: Context) -> list[Finding]:
     """Reports and voltages of the battery while armed; a sensor that cannot be right is told."""
     wrong = _wrong_sensor(context)
     reports = reported(context, "battery", BATTERY)
-    low = _below_limit(context)
+    low = _below_limit(context) or _emptied(context)
     if not reports and low is None:
         return []
     volts = _lowest(context)
@@ -153,6 +158,29 @@ def _below_limit(context: Context) -> tuple[float, float, str] | None:
     if to_s - from_s < LOW_S:
         return None
     return float(from_s), float(to_s), f"below {name} ({limit:.1f} V) for {to_s - from_s:.0f} s"
+
+
+def _emptied(context: Context) -> tuple[float, float, str] | None:
+    """The time from which it held less than any cell is discharged to, until it was disarmed."""
+    if not context.batteries:
+        return None
+    battery = context.batteries[0]
+    volts = _measured(battery)
+    armed = within(battery.t_s, context.armed) & np.isfinite(volts)
+    if armed.sum() < MIN_ROWS:
+        return None
+    full_v = float(np.quantile(volts[armed], FULL_QUANTILE))
+    cells = max(math.ceil(full_v / FULL_CELL_V), MIN_CELLS)
+    # As it was before: a sensor that reads too little always does.
+    if full_v < HELD_CELL_V * cells:
+        return None
+    empty = armed & (volts < EMPTY_CELL_V * cells)
+    for first, last in runs(empty):
+        lasted_s = float(battery.t_s[last] - battery.t_s[first])
+        if lasted_s >= EMPTY_S:
+            words = f"below {EMPTY_CELL_V:.1f} V for each of {cells} cells for {lasted_s:.0f} s"
+            return float(battery.t_s[first]), float(battery.t_s[last]), words
+    return None
 
 
 def detect_barometer(context: Context) -> list[Finding]:

@@ -21,10 +21,11 @@ KINDS = (
         traits=Trait.UPSET,
         shown_by=(
             "the autopilot's reports by number and in words; its own limits (`BATT_LOW_VOLT`, "
-            "`FS_BATT_VOLTAGE`); the sensor is accused instead where its voltage is below 2.5 V a "
-            "cell, or higher while the motors carry the vehicle than without load"
+            "`FS_BATT_VOLTAGE`), and that of its cells; the sensor is accused instead where its "
+            "voltage is below 2.5 V a cell, or higher while the motors carry the vehicle than "
+            "without load"
         ),
-        limit="10 s below",
+        limit="10 s below; 2 s below 3.0 V for each cell, of a pack that held 3.5 V",
     ),
 )
 

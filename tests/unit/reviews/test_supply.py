@@ -222,3 +222,28 @@ def test_of_one_height_nothing_is_told():
     series = Series(T_S[:1], T_S[:1])
     for height in (None, series):
         assert detect_barometer(Context(armed=ARMED, baro_height_m=height)) == []
+
+
+@pytest.mark.parametrize(
+    ("length_s", "volts", "usual", "limit", "cells"),
+    [
+        (2.0, 8.9, 11.5, {}, 3),
+        (1.5, 8.9, 11.5, {}, None),
+        (2.0, 9.1, 11.5, {}, None),
+        (2.0, 8.9, 11.5, LIMIT, 3),  # the autopilot's own limit takes ten seconds
+        (2.0, 8.9, 12.9, {}, 3),
+        (2.0, 8.9, 10.6, {}, 3),
+        (9.0, 8.9, 10.4, {}, None),  # a sensor that reads too little, or a pack that never was full
+        (2.0, 5.9, 8.4, {}, 2),
+        (2.0, 5.9, 8.9, {}, None),  # three cells, that never held anything
+        (2.0, 17.9, 25.2, {}, 6),
+        (2.0, 0.9, 11.5, {}, None),  # not measured
+    ],
+)
+def test_a_battery_below_what_its_cells_may_be_discharged_to(length_s, volts, usual, limit, cells):
+    found = battery(dip(length_s, volts, usual), **limit)
+    assert (found is not None) == (cells is not None)
+    if found:
+        assert found.text == f"the battery was low ({volts:.1f} V)"
+        assert (found.from_s, found.to_s) == (40.0, 40.0 + length_s)
+        assert f"below 3.0 V for each of {cells} cells for {length_s:.0f} s" in found.evidence
