@@ -468,6 +468,7 @@ def _runs_away(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
 def _run_away(outputs: MotorOutputs, motor: int, number: int) -> Finding | None:
     bins, share, flies = outputs.bins, outputs.share, outputs.flies
     force, rate = np.linalg.norm(bins.f_b, axis=1), np.linalg.norm(bins.w_b, axis=1)
+    across = np.linalg.norm(bins.f_b[:, :2], axis=1) / GRAVITY_M_S2
     asked = (share**2).mean(axis=1)
     window = round(FAILING_S / BIN_S)
     others = np.delete(share, motor, axis=1).min(axis=1, initial=1.0)
@@ -484,6 +485,8 @@ def _run_away(outputs: MotorOutputs, motor: int, number: int) -> Finding | None:
             np.median(share[first : last + 1, motor]) > BRAKED_SHARE * usual
             or not np.median(rate[quiet]) < FAILED_RAD_S < rate[onset].max()
             or lifted < max(LIFTED, BEYOND_ASKED * wanted)
+            # No motor pushes sideways: the force is that of what was struck.
+            or across[onset.start : last + 1].max() > STRUCK_G
         ):
             continue
         return _failure(

@@ -219,3 +219,19 @@ def test_what_was_not_logged_shows_no_motor_in_vain(missing, is_told):
     context = Context(motors=outputs, armed=FLIGHT, vehicle_type=2)
     found = detect_motors(made.part(kept), context, (), FLIGHT)
     assert [one.sensor.number for one in found if one.kind is Kind.MOTOR_FAILED] == [1] * is_told
+
+
+@pytest.mark.parametrize(("across_g", "is_told"), [(0.9, True), (1.1, False)])
+def test_what_is_struck_lifts_no_motor(across_g, is_told):
+    """Braked alone, while it turns and the force rises; no motor pushes sideways."""
+    made = bins()
+    made.w_b[299:310, 0] = 2.0
+    made.f_b[300:310] = [0.0, 0.0, -13.0]
+    made.f_b[300, 0] = across_g * 9.80665
+    pwm_us = np.full((len(T_S), 4), HOVER_US)
+    pwm_us[300:310] = [1150.0, HOVER_US, HOVER_US, HOVER_US]
+    outputs = Motors((1, 2, 3, 4), T_S, pwm_us, MIN_PWM_US, MAX_PWM_US)
+    context = Context(motors=outputs, armed=FLIGHT, vehicle_type=2)
+    found = detect_motors(made, context, (), FLIGHT)
+    failed = [one for one in found if one.kind is Kind.MOTOR_FAILED]
+    assert [one.sensor.number for one in failed] == [1] * is_told
