@@ -433,6 +433,11 @@ def _difference(
     sensor, unit = ("gyro", "deg/s") if is_gyro else ("accelerometer", "m/s^2")
     one = DEG if is_gyro else 1.0
     size = float(np.median(apart[places])) / one
+    first = int(places[0])
+    # Of the first window after a sound one, as much was sound as its mean is short of the usual.
+    is_after = first > 0 and apart[first - 1] <= limit[first - 1]
+    sound = 1.0 - min(float(apart[first]) / one / size, 1.0) if is_after else 0.0
+    from_s = float(edges[first] + sound * (edges[first + 1] - edges[first]))
     good = " and ".join(f"IMU {imu}" for imu in others)
     text, unknown = f"{sensor} differs from {good} by", ""
     if not others:
@@ -443,7 +448,7 @@ def _difference(
         if len(odd) > 1
         else Sensor(SensorKind.IMU, odd[0]),
         Severity.WARNING,
-        float(edges[places[0]]),
+        from_s,
         float(edges[places[-1] + 1]),
         size,
         unit,

@@ -73,7 +73,7 @@ KINDS = (
         ),
         phrase="the gyros disagreed",
         section="bias",
-        follows=(Kind.GYRO_BIAS,),
+        follows=(Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
         shown_by="means over 5 s",
         limit="2 deg/s; 0.75 m/s^2",
     ),
@@ -88,7 +88,12 @@ KINDS = (
         ),
         phrase="the accelerometers disagreed",
         section="bias",
-        follows=(Kind.ACCELEROMETER_SCALE, Kind.VIBRATION, Kind.CLIPPING),
+        follows=(
+            Kind.ACCELEROMETER_SCALE,
+            Kind.VIBRATION,
+            Kind.CLIPPING,
+            Kind.ACCELEROMETER_BIAS_STEP,
+        ),
         shown_by="as `gyro_apart`",
     ),
     Declared(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from known_evidence import imu_track
 from reviewed_flights import flight, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
@@ -104,6 +105,21 @@ def test_of_two_imus_the_one_with_a_bias_is_named():
     assert "differs from IMU 2" in found["gyro_apart"].text
     assert found["accelerometer_apart"].source == "IMU 1 or IMU 2"
     assert "not known" in found["accelerometer_apart"].evidence
+
+
+@pytest.mark.parametrize("began_s", [50.0, 52.0, 53.5])
+def test_two_gyros_that_disagree_from_some_time_on_do_so_from_then(began_s):
+    """To a second, in means of five: a cause begins no later than what it brings about."""
+    still = np.arange(0.0, 120.0, 0.01)
+    begins = still >= began_s
+    tracks = []
+    for imu, off in enumerate((30.0 * DEG, 0.0)):
+        w_b = np.outer(begins * off, (0.0, 0.0, 1.0))
+        tracks.append(imu_track(still, w_b)._replace(imu=imu))
+    (found,) = _apart(tuple(tracks), ())
+    assert found.kind is Kind.GYRO_APART
+    assert found.from_s == pytest.approx(began_s, abs=0.1)
+    assert found.size == pytest.approx(30.0)
 
 
 def test_a_sensor_that_is_known_to_be_frozen_has_no_bias():
