@@ -51,6 +51,11 @@ def chain(flight: Flight, analysis: Analysis) -> Chain:
     crashes = sorted((one for one in found if one.kind is Kind.CRASH), key=lambda one: one.from_s)
     linked = _acyclic([_linked(one, found, crashes) for one in found])
     own = frozenset(one.id for one in linked if _is_own(one, linked, analysis))
+    # An attitude of ours that is wrong brings nothing about.
+    linked = [
+        one._replace(cause=None) if one.cause in own and one.id not in own else one
+        for one in linked
+    ]
     biased = {one.id for one in found if one.kind is Kind.GYRO_BIAS}
     upset = {one.id for one in found if one.kind in UPSETS}
     shown = [

@@ -662,6 +662,19 @@ def test_a_crash_is_the_work_of_what_ended_shortly_before_it(kind, lead_s, is_in
     assert told.cause == ("before" if is_in_time else None)
 
 
+@pytest.mark.parametrize(("cleared", "cause"), [((), "field"), (("field",), None)])
+def test_an_attitude_of_ours_that_was_wrong_brings_nothing_about(cleared, cause):
+    field = Finding(
+        Kind.COMPASS_FIELD, Sensor(SensorKind.COMPASS), Severity.ERROR, 10.0, 50.0, 9.0, "", "text",
+        "", "field",
+    )  # fmt: skip
+    quoted = field._replace(kind=Kind.SAID_EKF_FAILED, from_s=40.0, id="quoted")
+    analysis = Analysis(cleared=frozenset(cleared))
+    links = chain(multirotor()._replace(findings=(field, quoted)), analysis)
+    told = next(one for one in links.findings if one.id == "quoted")
+    assert told.cause == cause
+
+
 def test_an_accelerometer_that_was_wrong_at_the_end_explains_what_came_before():
     sensor = Sensor(SensorKind.IMU, 1)
     felt = Finding(
