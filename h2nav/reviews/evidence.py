@@ -15,6 +15,7 @@ from h2nav.recordings.context import (
     Span,
     VibrationTrack,
 )
+from h2nav.recordings.motor_outputs import MULTIROTORS
 from h2nav.recordings.spans import without
 from h2nav.reviews.dead_compass import dead_compasses
 from h2nav.reviews.declared import FlightEvidence
@@ -23,6 +24,7 @@ from h2nav.reviews.falls import until_down
 from h2nav.reviews.force_steps import detect_force_steps
 from h2nav.reviews.impacts import (
     BIN_S,
+    FLYING_SHARE,
     HIGH_M,
     MIN_HEIGHTS,
     Bins,
@@ -33,7 +35,7 @@ from h2nav.reviews.impacts import (
     in_flight,
     with_contacts,
 )
-from h2nav.reviews.inertial import STEADY_HZ, Attitudes, Mask, best_attitude, slowed
+from h2nav.reviews.inertial import STEADY_HZ, Attitudes, Mask, best_attitude, runs, slowed
 from h2nav.reviews.motors import detect_motors
 from h2nav.reviews.receiver import delay_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
@@ -50,6 +52,8 @@ WITHOUT_TIMES = "bytes"
 # Attitudes are not judged while the vehicle turns over on its way to the ground.
 BEFORE_IMPACT_S = 2.0
 FLOWN_S = 2.0
+# A test of motors lasts for seconds, and none drives all of them at once for this long.
+DRIVEN_S = 10.0
 # What is carried by thrust is so unevenly: one percent of gravity; on a bench the force is steady.
 CARRIED_M_S2 = 0.1
 # On the ground a barometer varies by this much with noise and the wash of propellers.
@@ -86,10 +90,36 @@ def paused(evidence: FlightEvidence) -> tuple[Span, ...]:
 
 
 def logged_armed(evidence: FlightEvidence) -> tuple[Span, ...]:
-    """While it was armed; not where nothing was logged, nor without times."""
+    """While it was armed; not where nothing was logged, nor without times.
+
+    A multirotor whose outputs would carry it is armed, whatever was logged of that.
+    """
     if not evidence.of(has_times):
         return ()
-    return without(evidence.flight.context.armed, evidence.of(paused))
+    context = evidence.flight.context
+    return without(_united([*context.armed, *_driven(context)]), evidence.of(paused))
+
+
+def _driven(context: Context) -> list[Span]:
+    """Unarmed, by the log, while outputs would carry it for longer than any test of motors."""
+    motors = context.motors
+    if motors is None or len(motors.t_s) < 2 or context.vehicle_type not in MULTIROTORS:
+        return []
+    driven = np.nan_to_num(motors.share()).mean(axis=1) > FLYING_SHARE
+    spans = [Span(float(motors.t_s[a]), float(motors.t_s[b]), "driven") for a, b in runs(driven)]
+    unarmed = without(spans, context.armed)
+    return [span for span in unarmed if span.to_s - span.from_s >= DRIVEN_S]
+
+
+def _united(spans: list[Span]) -> tuple[Span, ...]:
+    """Those that touch as one."""
+    found: list[Span] = []
+    for span in sorted(spans):
+        if found and span.from_s <= found[-1].to_s:
+            found[-1] = found[-1]._replace(to_s=max(span.to_s, found[-1].to_s))
+        else:
+            found.append(span)
+    return tuple(found)
 
 
 def recorded(evidence: FlightEvidence) -> Context:
