@@ -88,7 +88,7 @@ def _spread(wanted: Mask) -> NDArray[np.intp]:
 
 def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float) -> _Lined:
     dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
-    q_sb = _turned(track, bias_b, dt_s)
+    q_sb = carried(track, bias_b, dt_s)
     force = rotate(q_sb, track.f_b)
     force[1:] = 0.5 * (force[1:] + force[:-1])
     t_s = moves.t_s - lag_s
@@ -104,8 +104,8 @@ def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s:
     return _Lined(t_s[good], v_s[good], v_n[good], up_s[good], np.maximum(tilt, TILT_RAD)[good])
 
 
-def _turned(track: ImuTrack, bias_b: Array, dt_s: Array) -> Array:
-    """(N, 4) attitudes by the gyro alone."""
+def carried(track: ImuTrack, bias_b: Array, dt_s: Array) -> Array:
+    """(N, 4) attitudes by the gyro alone, from the first sample on."""
     q_sb = exponential((track.w_b - bias_b) * dt_s[:, None])
     reach = 1
     while reach < len(q_sb):  # products of two, of four, of eight...
@@ -123,14 +123,22 @@ def _left(lined: _Lined, places: NDArray[np.intp]) -> Array:
         times = lined.t_s[part]
         if len(times) < MIN_FIT_FIXES or np.diff(times).max() > LONGEST_PAUSE_S:
             continue
-        a = lined.v_s[part] - lined.v_s[part].mean(axis=0)
-        b = lined.v_n[part] - lined.v_n[part].mean(axis=0)
-        u, _, vt = np.linalg.svd(a.T @ b)
-        mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-        turn = (u @ mirror @ vt).T
-        left = b - a @ turn.T
+        turn, left = fitted(lined.v_s[part], lined.v_n[part])
         found[row] = np.sqrt((left[:, :2] ** 2).sum(axis=1).mean())
         cosine = float(turn[2] @ -lined.up_s[place])
         if np.arccos(np.clip(cosine, -1.0, 1.0)) > lined.tilt_rad[place]:
             found[row] = np.inf
     return found
+
+
+def fitted(v_s: Array, v_n: Array) -> tuple[Array, Array]:
+    """(3, 3) rotation from one frame to the other by which velocities fit, but for a constant.
+
+    Returns:
+        The rotation, and (N, 3) what it leaves.
+    """
+    a, b = v_s - v_s.mean(axis=0), v_n - v_n.mean(axis=0)
+    u, _, vt = np.linalg.svd(a.T @ b)
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    turn: Array = (u @ mirror @ vt).T
+    return turn, b - a @ turn.T

@@ -7,6 +7,12 @@ from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
 from h2nav.reviews.estimators import detect_texts
 from h2nav.reviews.subjects import needs
+from h2nav.reviews.subjects.flown_heading import FLOWN_HEADING
+
+# A heading that follows a wrong field soon contradicts the receiver.
+BY_FIELD = tuple(
+    Brought(kind, LEADS_S) for kind in (FLOWN_HEADING, Kind.COMPASS_MOTORS, Kind.COMPASS_FIELD)
+)
 
 KINDS = (
     Declared(
@@ -47,6 +53,7 @@ KINDS = (
             Kind.VIBRATION,
             Kind.CLIPPING,
         ),
+        brought=BY_FIELD,
         traits=Trait.ABOUT_ESTIMATOR | Trait.UPSET,
     ),
     Declared(
@@ -67,6 +74,7 @@ KINDS = (
             Kind.VIBRATION,
             Kind.CLIPPING,
         ),
+        brought=BY_FIELD,
     ),
     Declared(
         Kind.SAID_SENSOR,
