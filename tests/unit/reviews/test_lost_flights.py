@@ -137,6 +137,45 @@ def power_fails(copter: Copter, t_s: float) -> None:
     prepared(copter, t_s, HIGH_M)
 
 
+def battery_collapses(copter: Copter, t_s: float) -> None:
+    """A volt every two seconds, before the autopilot's ten seconds are over: the log ends."""
+    copter.sag_ohm = 0.03
+    if prepared(copter, t_s, HIGH_M):
+        copter.pack_v = max(12.6 - 0.5 * (t_s - AT_S), 6.0)
+
+
+def compasses_wander(copter: Copter, t_s: float) -> None:
+    """Both, slowly, up to 63 deg: it circles about its place, ever wider."""
+    if prepared(copter, t_s, HIGH_M):
+        copter.compass_turn_rad = min(0.1 * (t_s - AT_S), 1.1)
+        copter.sticks = Sticks(pitch=-0.3 if t_s < AT_S + 4.0 else 0.0)
+
+
+def compasses_back_to_front(copter: Copter, t_s: float) -> None:
+    """Both, from power-up on: what holds the position drives it away."""
+    copter.compass_turn_rad = 0.95 * math.pi
+    prepared(copter, t_s, LOW_M)
+
+
+def throttle_too_low(copter: Copter, t_s: float) -> None:
+    """STABILIZE: it comes down at more than landing gear is made for, and stays upright."""
+    if prepared(copter, t_s, LOW_M):
+        copter.set_mode("STABILIZE")
+        if copter.p[2] > -0.5:
+            copter.once("down")
+        copter.sticks = Sticks(throttle=0.0 if "down" in copter.warned else 0.36)
+
+
+def fence_is_met(copter: Copter, t_s: float) -> None:
+    """It returns by itself."""
+    if prepared(copter, t_s, LOW_M):
+        copter.sticks = Sticks(pitch=-0.8 if t_s < AT_S + 5.0 else 0.0)
+        if t_s > AT_S + 5.0 and copter.once("fence"):
+            copter.error(9, 1)
+            copter.say("Max Radius fence breached")
+            copter.set_mode("RTL", 10)
+
+
 @functools.cache
 def flown(script, end_s: float) -> Flown:
     return Copter().fly(end_s, script)
@@ -169,6 +208,11 @@ LOST = (
     (barometer_drifts, 62.0, r"No crash\. The barometer drifted by \+1\d m from [12]\d s on"),
     (motor_runs_away, 30.0, r"Motor 1 gave more thrust than it was asked for\. The log ends in"),
     (storm_rises, 50.0, r"Carried off by the wind, although it leaned all the way\."),
+    (battery_collapses, 30.0, r"The battery was low \(\d\.\d V\), then thrust was lacking\. The"),
+    (compasses_wander, 50.0, r"(No crash\. )?The autopilot's heading was wrong\."),
+    (compasses_back_to_front, 34.0, r"The autopilot's heading was wrong at \d s, then it crashed"),
+    (throttle_too_low, 28.0, r"No crash\. It landed hard: at [45]\.\d m/s, .* at 20 s\."),
+    (fence_is_met, 40.0, r"(No crash\. )?The autopilot said: fence breached\."),
     (thrust_flutters, 30.0, r"Roll oscillated at 2\.0 Hz by \d+ deg/s\."),
 )
 
