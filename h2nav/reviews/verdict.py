@@ -40,6 +40,11 @@ HEIGHT_S, SINKS_M_S = 1.0, 2.0
 TAKE_OFF_S = 4.0
 # A slower touchdown is no part of the sentence.
 SLOW_M_S = 2.0
+# Rows that were left out (`recordings.log_rows`); single ones are damage.
+WRONG_TIMES = re.compile(
+    r"rows of (IMU|ACC|GYR|sensor_(combined|accel|gyro)|vehicle_imu)\w* far from the times"
+)
+UNREAD_SHARE = 0.1
 A_TIME = re.compile(r"(at|from) \d+ s")
 
 
@@ -85,21 +90,31 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
         if one.kind is Kind.LOSS_OF_CONTROL and one.severity <= Severity.WARNING
         if one.cause is None or _path(one, of_vehicle)
     ]
-    missing = tuple(f"{name} ({why})" for name, why in analysis.blind)
+    missing = (*(f"{name} ({why})" for name, why in analysis.blind), *_unread(flight.context))
     if crashes:
         text = _crashed(flight, analysis, crashes, of_vehicle)
     elif lost:
         text = _lost(flight.context, analysis, lost[0], of_vehicle)
     else:
         ending = _ending(flight.context, analysis.ending)
-        is_said = bool(crash_checks(flight.context))
-        text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing), is_said=is_said)
+        # Nor where a crash may be in what was not read.
+        is_open = bool(crash_checks(flight.context) or _unread(flight.context))
+        text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing), is_open=is_open)
     receivers = [gps for gps in flight.context.gps if len(gps.t_s)]
     if receivers and flight.context.armed and not any(gps.has_fix.any() for gps in receivers):
         text += " The GPS never had a fix."
     if missing:
         text += f" Not looked at: {', '.join(missing)}."
     return FlightVerdict(text, analysis.looked_at, missing)
+
+
+def _unread(context: Context) -> tuple[str, ...]:
+    """How much of the IMU was left out for its times: a clock that goes back hides what follows."""
+    lost = sum(count for note, count in context.notes.items() if WRONG_TIMES.match(note))
+    share = lost / max(lost + sum(len(track.t_s) for track in context.imus), 1)
+    if share < UNREAD_SHARE:
+        return ()
+    return (f"{share:.0%} of the IMU's rows (their times do not fit)",)
 
 
 # --- a crash ------------------------------------------------------------------------------------
@@ -280,7 +295,7 @@ def _lost(context: Context, analysis: Analysis, lost: Finding, found: list[Findi
 
 
 def _flown(
-    found: list[Finding], ending: str, looked: tuple[str, ...], is_blind: bool, *, is_said: bool
+    found: list[Finding], ending: str, looked: tuple[str, ...], is_blind: bool, *, is_open: bool
 ) -> str:
     """The worst findings, each once; or that nothing was found.
 
@@ -288,7 +303,7 @@ def _flown(
     word where that is not shown to be false.
 
     Args:
-        is_said: the autopilot said that it crashed.
+        is_open: the autopilot said that it crashed, or much of the recording was not read.
     """
     serious = [one for one in found if one.severity <= Severity.WARNING and one.cause is None]
     serious = [one for one in serious if not _has(one, Trait.ABOUT_RECORDING)] or serious
@@ -307,7 +322,7 @@ def _flown(
         shown = _listed(parts[:MAX_SENSORS])
         more = len(parts) - MAX_SENSORS
         rest = f", and {more} more" if more > 0 else ""
-        is_known = impacts.SUBJECT.name in looked and not is_said
+        is_known = impacts.SUBJECT.name in looked and not is_open
         begin = "No crash. " if is_known and not failed and not ending else ""
         if false is not None:
             begin = f"No crash: {_phrase(false)}. "

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from known_evidence import receiver_track
+from known_evidence import imu_track, receiver_track
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
@@ -107,6 +107,25 @@ def test_a_flight_without_a_crash(found, how, text):
 def test_only_what_is_of_the_recording_is_told_too():
     assert said(PAUSED).startswith("No crash. ")
     assert not said(PAUSED).startswith("Nothing")
+
+
+@pytest.mark.parametrize(
+    ("note", "count", "share"),
+    [
+        ("rows of IMU far from the times around them", 1000, "50%"),
+        ("rows of IMU2 far from the times around them", 112, "10%"),
+        ("rows of IMU far from the times around them", 110, None),
+        ("rows of sensor_combined far from the times around them", 3000, "75%"),
+        ("rows of PARM far from the times around them", 3000, None),
+        ("dropouts of the autopilot's logger", 3000, None),
+    ],
+)
+def test_what_was_not_read_may_hold_a_crash(note, count, share):
+    lost = f" Not looked at: {share} of the IMU's rows (their times do not fit)."
+    known = {"notes": {note: count}, "imus": (imu_track(T_S),)}
+    text = "The compass was disturbed."
+    assert said(OF_FIELD, **known) == (text + lost if share else f"No crash. {text}")
+    assert (" in what could be looked at. " in said(**known)) == (share is not None)
 
 
 CHECK = finding(Kind.AUTOPILOT_CRASH_CHECK, Sensor(SensorKind.AUTOPILOT))
