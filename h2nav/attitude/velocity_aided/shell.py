@@ -33,12 +33,16 @@ from h2nav.attitude.velocity_aided.kernel.theta import SETTLED
 from h2nav.attitude.velocity_aided.velocity_aiding import TimedFix, VelocityAiding
 from h2nav.attitude.velocity_aided.velocity_attitude import VelocityAttitude
 from h2nav.attitude.velocity_aided.velocity_heading import VelocityHeading
-from h2nav.maths.quaternion import exp, multiply
-from h2nav.maths.units import DEG
+from h2nav.maths.quaternion import exp, multiply, rotate
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 # After a longer gap the filter aligns again; the bias is kept.
 LONGEST_GAP_S = 1.0
 LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
+# On the ground, a vehicle that is not heard for less may have taken off, but was not carried away:
+# it keeps its attitude, unless it lies still, as the size of the force shows, and otherwise.
+CARRIED_US = 3_000_000
+STILL_M_S2 = 1.0
 # Larger inputs are implausible.
 MAX_RATE_RAD_S = 200.0
 MAX_FORCE_M_S2 = 4000.0
@@ -284,12 +288,12 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
 
     def _begin(self, sample: ImuSample) -> AttitudeEstimate | None:
         """Collects samples for the first attitude, or continues after a long gap."""
-        dt_us = None if self._t_us is None else sample.t_us - self._t_us
-        if dt_us is not None and dt_us > LONGEST_GAP_US:
-            dt_us = None
+        passed_us = math.inf if self._t_us is None else sample.t_us - self._t_us
+        dt_us = None if passed_us > LONGEST_GAP_US else int(passed_us)
         self._t_us = sample.t_us
         bits: int | None
-        if dt_us is None and self._aligned and self._flies:
+        is_short = passed_us <= CARRIED_US and not self._lies_otherwise(sample.f_b)
+        if dt_us is None and self._aligned and (self._flies or is_short):
             bits = self._resume(sample)
         else:
             bits = self._align(sample, dt_us)
@@ -300,6 +304,14 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         self._witness.clear()
         self._watch_in_air(sample.t_us)
         return self._standing(sample.t_us, bits)
+
+    def _lies_otherwise(self, f_b: Vec3) -> bool:
+        """Whether a force is gravity, in another direction than the attitude has it."""
+        size_m_s2 = math.hypot(*f_b)
+        if abs(size_m_s2 - GRAVITY_M_S2) > STILL_M_S2:
+            return False
+        _, _, down = rotate(self._attitude(), f_b)
+        return -down < math.cos(AIR_TILT_SIGMA_RAD) * size_m_s2
 
     # --- velocities -----------------------------------------------------------------------------
 
