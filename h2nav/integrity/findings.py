@@ -224,7 +224,7 @@ class Findings:
 
     def __init__(self) -> None:
         self._entries: list[_Entry] = []
-        self._latest: dict[tuple[Kind, Sensor], int] = {}
+        self._latest: dict[tuple[Kind, Sensor], list[int]] = {}  # at most one of each opinion
         self._open: frozenset[int] = frozenset()
         self._counts: dict[str, int] = {}
         self.alarms: tuple[Alarm, ...] = ()
@@ -284,12 +284,16 @@ class Findings:
         return finding.kind in LEVELS and t_s - finding.to_s <= LINGER_S
 
     def _known(self, t_s: float, alarm: Alarm) -> int | None:
-        """Index of the finding that an alarm continues; None if it begins one."""
-        place = self._latest.get((alarm.kind, alarm.sensor))
+        """Index of the finding that an alarm continues; None if it begins one.
+
+        That the other attitude is wrong does not continue that ours was.
+        """
         pause_s = LEVEL_PAUSE_S if alarm.kind in LEVELS else PAUSE_S
-        if place is None or t_s - self._entries[place].finding.to_s > pause_s:
-            return None
-        return place
+        for place in self._latest.get((alarm.kind, alarm.sensor), ()):
+            found = self._entries[place].finding
+            if t_s - found.to_s <= pause_s and not _oppose(alarm, found):
+                return place
+        return None
 
     def _place(self, t_s: float, alarm: Alarm, known: int | None) -> int | None:
         """Index of an alarm's finding, continued or begun; None if there are too many."""
@@ -299,11 +303,19 @@ class Findings:
         if len(self._entries) == MAX_FINDINGS:
             self.omitted += 1
             return None
-        key = alarm.kind, alarm.sensor
-        self._latest[key] = len(self._entries)
+        place, key = len(self._entries), (alarm.kind, alarm.sensor)
+        opposed = [
+            one for one in self._latest.get(key, ()) if _oppose(alarm, self._entries[one].finding)
+        ]
+        self._latest[key] = [place, *opposed]
         identity = next_id(alarm.kind, alarm.sensor, self._counts)
         self._entries.append(_Entry(t_s, alarm, identity))
-        return self._latest[key]
+        return place
+
+
+def _oppose(alarm: Alarm, found: Finding) -> bool:
+    """Whether one backs our attitude and the other one that of the autopilot."""
+    return {alarm.backs_us, found.backs_us} == {True, False}
 
 
 def next_id(kind: AnyKind, sensor: Sensor, counts: dict[str, int]) -> str:

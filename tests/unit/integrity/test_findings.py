@@ -177,3 +177,36 @@ def test_what_grows_worse_is_news_again():
     ]
     assert [len(change.begun) for change in changes] == [1, 0, 0, 0]
     assert [len(change.worse) for change in changes] == [0, 0, 1, 0]
+
+
+def differs(backs_us):
+    text = {True: "autopilot off", False: "ours off", None: "differs"}[backs_us]
+    autopilot = Sensor(SensorKind.AUTOPILOT)
+    return Alarm(
+        Kind.AUTOPILOT_HEADING, autopilot, Severity.WARNING, 20.0, "deg", text, "seen",
+        is_decided=backs_us is not None, backs_us=backs_us,
+    )  # fmt: skip
+
+
+def test_that_the_autopilot_is_wrong_does_not_continue_that_we_were():
+    findings = Findings()
+    findings.update(0.0, [differs(None)])
+    assert not findings.update(1.0, [differs(False)]).begun
+    assert [alarm.text for alarm in findings.update(2.0, [differs(True)]).begun] == [
+        "autopilot off"
+    ]
+    # each is still known, and undecided goes on with the newer one
+    assert not findings.update(3.0, [differs(False)]).begun
+    assert not findings.update(4.0, [differs(True)]).begun
+    assert not findings.update(5.0, [differs(None)]).begun
+    found = [(one.text, one.backs_us, one.from_s, one.to_s, one.is_open) for one in findings.all]
+    assert found == [("ours off", False, 0.0, 3.0, False), ("autopilot off", True, 2.0, 5.0, True)]
+
+
+def test_of_two_opposite_findings_the_older_one_is_forgotten_after_its_pause():
+    findings = Findings()
+    findings.update(0.0, [differs(False)])
+    for t_s in range(1, round(PAUSE_S) + 2):
+        findings.update(float(t_s), [differs(True)])
+    assert findings.update(PAUSE_S + 2.0, [differs(False)]).begun
+    assert len(findings.all) == 3
