@@ -8,13 +8,16 @@ from h2nav.maths.units import DEG
 WORTH = 0.05
 
 
-def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: float) -> Alarm:
+def cause_alarm(
+    found: Explained, decided: Cause | None, imu: Sensor, since_s: float, *, is_sure: bool = True
+) -> Alarm:
     """The alarm for a lasting contradiction.
 
     Args:
         decided: the cause decided while it lasted; None: none.
         imu: whose attitude is contradicted.
         since_s: its duration.
+        is_sure: a velocity is refused for what was decided, not for what is probable.
     """
     if decided is Cause.GYRO:
         rate = found.step / DEG
@@ -25,6 +28,8 @@ def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: f
         kind, about, size, unit = Kind.ACCELEROMETER_BIAS_STEP, imu, force, "m/s^2"
     elif decided is Cause.VELOCITY:
         text, kind = "GPS velocity is false and not used", Kind.GPS_VELOCITY
+        if not is_sure:
+            text = "GPS velocity is not used: probably false"
         about, size, unit = Sensor(SensorKind.GPS), found.odds, ""
     else:
         text = "velocity contradicts, undecided"
@@ -41,7 +46,7 @@ def cause_alarm(found: Explained, decided: Cause | None, imu: Sensor, since_s: f
         text,
         evidence,
         since_s=since_s,
-        is_decided=decided is not None,
+        is_decided=decided is not None and is_sure,
         clears_velocity=kind is Kind.ATTITUDE_VELOCITY,
     )
 

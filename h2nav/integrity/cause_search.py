@@ -32,6 +32,8 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 # From this ratio of a velocity on, a cause is searched.
 SUSPICIOUS_RATIO = 0.2
+# A velocity that is refused as probably false is reported after this time.
+REPORTED_US = 3_000_000
 # A failing gyro begins like a drifting velocity: the field needs this time to confirm the gyro. A
 # velocity that is decided to have jumped, and agrees again, begins like nothing else.
 BLAME_US = 2_500_000
@@ -160,18 +162,41 @@ class CauseSearch:
 
     def alarms(self, imu: Sensor, t_us: int, reported: Collection[Kind]) -> list[Alarm]:
         """The cause of a lasting contradiction; undecided once only."""
-        contradiction = self.contradiction
+        contradiction, named = self.contradiction, self._named(t_us)
         refused, since_us = self._refusal.shown, self._refusal.since_us
-        if refused is not None and since_us is not None:
-            return [cause_alarm(refused, Cause.VELOCITY, imu, 1e-6 * (t_us - since_us))]
+        is_sure = refused is not None
+        if since_us is not None and (is_sure or self._is_refused_for_long(t_us)):
+            found, since_s = refused or self._refusal.begun, 1e-6 * (t_us - since_us)
+            return [cause_alarm(found, Cause.VELOCITY, imu, since_s, is_sure=is_sure)]
         begun_us = contradiction.begun_us
         if begun_us is None or not contradiction.is_told(t_us):
             return self.corrected.alarms(imu, t_us, self._cleared)
-        decided = self._decided
-        shown = None if decided is None else contradiction.shown(decided)
+        shown = None if named is None else contradiction.shown(named)
         since_s = (t_us - begun_us) * 1e-6
-        alarm = cause_alarm(shown or contradiction.explained, decided, imu, since_s)
+        alarm = cause_alarm(shown or contradiction.explained, named, imu, since_s)
         return [] if alarm.kind in reported else [alarm]
+
+    def accuses_velocity(self, t_us: int) -> bool:
+        """Whether it is named as the cause: then nothing contradicts the attitude."""
+        if self.velocity_is_false:
+            return self.velocity_is_known_false or self._is_refused_for_long(t_us)
+        return self.contradiction.is_told(t_us) and self._named(t_us) is Cause.VELOCITY
+
+    def _is_refused_for_long(self, t_us: int) -> bool:
+        """Whether a velocity that is only probably false has been refused for long."""
+        since_us = self._refusal.since_us
+        return since_us is not None and t_us - since_us >= REPORTED_US
+
+    def _named(self, t_us: int) -> Cause | None:
+        """The cause to report: that which was decided.
+
+        So is a velocity that is not refused, for lack of a field, but withheld, if another IMU
+        confirms the gyro.
+        """
+        is_withheld = self.withheld_us is not None and self.is_withheld(t_us)
+        if self.contradiction.decided is Cause.VELOCITY and is_withheld:
+            return Cause.VELOCITY if Cause.GYRO in self._cleared else None
+        return self._decided
 
     @property
     def _decided(self) -> Cause | None:
@@ -319,17 +344,17 @@ class CauseSearch:
         if not self.velocity_is_false:
             # Only a field can confirm the gyro.
             is_held = seen.ratios.of_turn < OPEN_RATIO and seen.field_holds
-            if is_held and self._is_contradicted_by_velocity(seen, found):
-                self._refusal.begin(seen.t_us, shown)
+            if found and is_held and self._is_contradicted_by_velocity(seen, found):
+                self._refusal.begin(seen.t_us, found, shown)
             return
         if self._refusal.hear(seen.t_us, seen.long, seen.ratios, found, shown):
             self.contradiction.clear(Cause.VELOCITY)
 
-    def _is_contradicted_by_velocity(self, seen: Situation, found: Explained | None) -> bool:
+    def _is_contradicted_by_velocity(self, seen: Situation, found: Explained) -> bool:
         """Whether a false velocity is the cause, or so probably that it is safer not to use it."""
         since_us, t_us = self.contradiction.begun_us, seen.t_us
         # What an earlier window decided counts while this one, which has seen more, agrees.
-        if found is None or since_us is None or found.likeliest is not Cause.VELOCITY:
+        if since_us is None or found.likeliest is not Cause.VELOCITY:
             return False
         has_jumped = found.has_jumped and found.decided is Cause.VELOCITY
         if t_us - since_us < BLAME_US and not has_jumped:

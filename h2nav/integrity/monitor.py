@@ -400,6 +400,10 @@ class Monitor:
         self._opened.correct(0.0, 0.0)
         self._lost = LostAttitude()
 
+    def open_as(self, estimate: AttitudeEstimate) -> None:
+        """Takes the deviations of an estimate that the filter has taken over."""
+        self._opened.open(estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
+
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""
         return self._opened.of(estimate)
@@ -457,7 +461,7 @@ class Monitor:
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us - self._silent_us > lost_us:
             found.append(no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))
-        if self._of_velocity.is_raised:
+        if self._of_velocity.is_raised and not self._search.accuses_velocity(t_us):
             worst = max(self._windows, key=lambda window: window.ratio, default=None)
             found.append(velocity_alarm(worst, self._of_velocity.since_s(t_us)))
         if self._of_force.is_raised:

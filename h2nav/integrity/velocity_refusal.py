@@ -3,7 +3,7 @@
 Equations: docs/integrity.md, section 5.
 """
 
-from h2nav.integrity.causes import PROBABLY, Cause, Explained
+from h2nav.integrity.causes import NOTHING, PROBABLY, Cause, Explained
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.velocity_windows import LONG_S, Window
 from h2nav.maths.units import DEG
@@ -33,11 +33,13 @@ class VelocityRefusal:
     Attributes:
         since_us: when it began to be refused; None while it is used.
         shown: the explanation that decided it to be false; None while that is only probable.
+        begun: the explanation with which it began.
     """
 
     def __init__(self) -> None:
         self.since_us: int | None = None
         self.shown: Explained | None = None
+        self.begun = NOTHING
         # when it last differed by more than is harmless, and by more than the deviations
         self._differed_us = self._failed_us = 0
         # when it was last suspected, now and in an earlier contradiction
@@ -70,8 +72,9 @@ class VelocityRefusal:
         self._end()
         return True
 
-    def begin(self, t_us: int, shown: Explained | None) -> None:
+    def begin(self, t_us: int, begun: Explained, shown: Explained | None) -> None:
         """Refuses it from now on."""
+        self.begun = begun
         self.since_us = self._differed_us = self._failed_us = t_us
         self.shown = shown
 

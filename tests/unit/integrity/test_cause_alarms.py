@@ -39,3 +39,10 @@ def test_each_cause_accuses_its_sensor(decided, kind, sensor, size, unit, text):
 
 def test_without_a_share_there_is_none_to_tell():
     assert cause_alarm(Explained(8.0), None, IMU, 0.0).evidence.endswith(": none")
+
+
+def test_a_velocity_that_is_only_probably_false_is_told_to_be():
+    alarm = cause_alarm(FOUND, Cause.VELOCITY, IMU, 3.0, is_sure=False)
+    assert (alarm.kind, alarm.sensor) == (Kind.GPS_VELOCITY, GPS)
+    assert alarm.text == "GPS velocity is not used: probably false"
+    assert not alarm.is_decided

@@ -218,6 +218,41 @@ def test_a_refused_velocity_is_told_and_heard(bench):
     assert bench.search.contradiction.decided is None
 
 
+def test_a_velocity_that_is_refused_as_probably_false_is_told_after_three_seconds(bench):
+    bench.take(decides(Cause.VELOCITY, 0.91), seconds=2.8)
+    assert bench.search.velocity_is_false
+    bench.take(decides(Cause.GYRO, 0.6), seconds=2.8)
+    (alarm,) = bench.alarms()
+    assert alarm.kind is Kind.ATTITUDE_VELOCITY
+    assert not bench.search.accuses_velocity(bench.t_us)
+    bench.take()
+    (alarm,) = bench.alarms()
+    assert (alarm.kind, alarm.is_decided) == (Kind.GPS_VELOCITY, False)
+    # by what was found when it began
+    assert "velocity 91%" in alarm.evidence
+    assert alarm.since_s == pytest.approx(3.0)
+    assert bench.search.accuses_velocity(bench.t_us)
+
+
+@pytest.mark.parametrize(
+    ("cleared", "is_named"), [(Cause.GYRO, True), (Cause.ACCELEROMETER, False), (None, False)]
+)
+def test_without_a_field_another_imu_confirms_the_gyro_that_a_velocity_contradicts(
+    bench, cleared, is_named
+):
+    bench.search.use_cleared(frozenset({cleared}) if cleared else frozenset())
+    bench.take(FALSE, seconds=0.8, field_holds=False)
+    assert not bench.search.accuses_velocity(bench.t_us)
+    bench.take(seconds=0.4, field_holds=False)
+    assert not bench.search.velocity_is_false
+    (alarm,) = bench.alarms()
+    assert (alarm.kind is Kind.GPS_VELOCITY) is is_named
+    assert bench.search.accuses_velocity(bench.t_us) is is_named
+    # force and velocity are withheld for half a minute: then it is used again
+    bench.take(seconds=29.8, field_holds=False)
+    assert not bench.search.accuses_velocity(bench.t_us)
+
+
 def test_a_velocity_that_another_cause_outweighs_is_not_refused(bench):
     bench.take(decides(Cause.GYRO), seconds=1.0)
     bench.take(FALSE, seconds=0.6)

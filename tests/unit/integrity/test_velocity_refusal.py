@@ -31,7 +31,7 @@ def explained(share, *, odds=SURE, jumped_s=0.0, drift_m_s2=0.0):
 
 def refused(shown=None):
     made = VelocityRefusal()
-    made.begin(BEGAN_US, shown)
+    made.begin(BEGAN_US, explained(0.95), shown)
     return made
 
 
@@ -125,7 +125,7 @@ BACK = explained(0.95, jumped_s=99.0)
 )
 def test_a_jump_may_be_the_way_back_of_one_that_was_suspected(found, t_s, is_back):
     made = doubted()
-    made.begin(98 * S, None)
+    made.begin(98 * S, explained(0.95), None)
     assert made.comes_back(round(t_s * S), found) == is_back
     assert made.since_us == (None if is_back else 98 * S)
 
@@ -140,7 +140,7 @@ def test_without_a_suspicion_or_while_that_lasts_nothing_comes_back():
 @pytest.mark.parametrize(("began_s", "is_back"), [(98.9, True), (99.0, False), (99.1, False)])
 def test_the_jump_for_which_it_is_refused_is_no_way_back(began_s, is_back):
     made = doubted()
-    made.begin(round(began_s * S), None)
+    made.begin(round(began_s * S), explained(0.95), None)
     assert made.comes_back(100 * S, BACK) == is_back
 
 
@@ -165,13 +165,13 @@ def test_the_way_back_is_no_second_falsehood_while_a_window_shows_it(t_s, is_sus
 
 def test_what_has_agreed_for_long_was_not_false():
     made = doubted()
-    made.begin(BEGAN_US, None)
+    made.begin(BEGAN_US, explained(0.95), None)
     assert heard(made, 20.0, window(1.0)) == 11.0
     assert not made.comes_back(BEGAN_US + 20 * S, explained(0.95, jumped_s=119.0))
 
 
 def test_what_is_heard_in_vain_keeps_its_way_back():
     made = doubted()
-    made.begin(BEGAN_US, None)
+    made.begin(BEGAN_US, explained(0.95), None)
     assert heard(made, 20.0) is None
     assert made.comes_back(BEGAN_US + 20 * S, explained(0.95, jumped_s=119.0))
