@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from h2nav.evaluation.campaign import blame
 from h2nav.evaluation.campaign.blame import Told
 from h2nav.evaluation.campaign.draw import Draw, as_text
+from h2nav.evaluation.campaign.effects import shows
 from h2nav.evaluation.campaign.flight import BOOT_US, DrawnFlight
 from h2nav.evaluation.campaign.shown import ShownBySensors, shown
 from h2nav.integrity.findings import Finding
@@ -62,7 +63,7 @@ def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
         "calm_h": float(calm.sum()) / HOUR_S,
         **_false(every, flight, sensors, Errors(t_s, heading, tilt).are_as),
         "faults": [
-            blame.fault_row(one, every, draw.scheduled)
+            blame.fault_row(one, every, draw.scheduled) | {"shows": shows(flight, one)}
             for one in draw.scheduled
             if blame.can_be_told(one, draw.length_s)
         ],

@@ -12,7 +12,7 @@ from h2nav.evaluation.campaign.draw import Draw
 from h2nav.evaluation.campaign.flight import DrawnFlight
 from h2nav.evaluation.campaign.sensors import DrawnReadings, acts
 from h2nav.maths.rows import Array, wrapped
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.faults import Fault
 
 Mask = NDArray[np.bool_]
@@ -20,6 +20,9 @@ Mask = NDArray[np.bool_]
 # A compass whose own heading, levelled by the truth, is nearer than this to the truth; half of
 # what counts as a wrong heading.
 TRUTHFUL_DEG = 5.0
+# An accelerometer whose mean force points off the true one by less; half of what counts as a wrong
+# tilt. Nothing shows the tilt of a vehicle that rests but its accelerometers.
+LEVEL_DEG = 1.5
 # Beyond these a compass is disturbed, whoever says so: 5 % of iron turn a level heading by 10 deg
 # where the field is steep (dip 70 deg), and the norm by as much.
 DISTURBED_DEG, DISTURBED_SHARE = 8.0, 0.1
@@ -63,9 +66,13 @@ def shown(flight: DrawnFlight) -> ShownBySensors:
     force = _some_imu(draw, GYRO_FAULTS + ACCELEROMETER_FAULTS, seconds)
     by_velocity = lately & accelerates & force & (draw.receiver.noise_m_s < NOISY_M_S)
     still = _lasting(a_m_s2 < STILL_M_S2)
-    return ShownBySensors(
-        gyro & (truthful | by_velocity), force & (lately | still), disturbed, receiver
-    )
+    level = np.zeros(len(seconds), np.bool_)
+    for number in range(draw.imu.count):
+        sound = ~faulty(draw, GYRO_FAULTS + ACCELEROMETER_FAULTS, seconds, number)
+        level |= _lasting((_force_errors(flight, number) < LEVEL_DEG) & sound)
+    by_motion = lately & force & _lasting(flight.motion.moves(seconds) > 0.0)
+    shown_tilt = (level & (lately | still)) | by_motion
+    return ShownBySensors(gyro & (truthful | by_velocity), shown_tilt, disturbed, receiver)
 
 
 def faulty(draw: Draw, names: tuple[str, ...], seconds: Array, imu: int | None = None) -> Mask:
@@ -100,6 +107,16 @@ def _compass_errors(flight: DrawnFlight, number: int) -> tuple[Array, Array]:
     return heading / DEG, np.linalg.norm(field_n, axis=1) / flight.field.norm_ut - 1.0
 
 
+def _force_errors(flight: DrawnFlight, number: int) -> Array:
+    """(S,) by how much an accelerometer's mean force points off the true one, deg."""
+    found, size = flight.imus[number], int(flight.draw.length_s)
+    rows = np.flatnonzero(found.t_s < size)
+    truth = flight.motion.at(found.t_s[rows] - 1e-3 * flight.draw.imu.delay_ms)
+    off_n = np.einsum("nij,nj->ni", truth.to_ned, found.f_b[rows] - truth.f_b)
+    off_n = _mean_of_seconds(off_n, found.t_s[rows].astype(np.int64), size)
+    return np.asarray(np.arctan(np.hypot(off_n[:, 0], off_n[:, 1]) / GRAVITY_M_S2) / DEG)
+
+
 def _mean_field(flight: DrawnFlight, found: DrawnReadings, size: int) -> Array:
     """(S, 3) mean field of each second, turned to NED by the truth."""
     rows = np.flatnonzero(~np.isnan(found.m_b_ut[:, 0]) & (found.t_s < size))
@@ -108,10 +125,14 @@ def _mean_field(flight: DrawnFlight, found: DrawnReadings, size: int) -> Array:
     rows = rows[few]
     read_s = found.t_s[rows] - 1e-3 * flight.draw.compass.delay_ms
     turned = np.einsum("nij,nj->ni", flight.motion.at(read_s).to_ned, found.m_b_ut[rows])
-    second = found.t_s[rows].astype(np.int64)
+    return _mean_of_seconds(turned, found.t_s[rows].astype(np.int64), size)
+
+
+def _mean_of_seconds(values: Array, second: NDArray[np.int64], size: int) -> Array:
+    """(S, 3) mean of the values of each second; NaN without one."""
     count = np.bincount(second, minlength=size).astype(np.float64)
     count[count == 0.0] = np.nan
-    sums = [np.bincount(second, turned[:, axis], minlength=size) for axis in range(3)]
+    sums = [np.bincount(second, values[:, axis], minlength=size) for axis in range(3)]
     return np.asarray(np.stack(sums, axis=1) / count[:, None])
 
 

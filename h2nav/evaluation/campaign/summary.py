@@ -76,6 +76,7 @@ def summary(rows: Sequence[Row]) -> Row:
         "false_alarms_per_100_h": _per(100.0 * len(alarms), calm_h),
         "false_alarms_by_kind": _counted(alarms),
         "faults": _outcomes(faults),
+        "faults_that_show": _outcomes([fault for fault in faults if fault["shows"]]),
         "by_fault": {
             name: _outcomes([fault for fault in faults if fault["fault"] == name])
             for name in sorted({fault["fault"] for fault in faults})
@@ -182,7 +183,8 @@ def _cell(value: float | None) -> str:
 def _fault_lines(found: Row) -> list[str]:
     headings = ("count", *OUTCOMES, "accused")
     lines = [f"{'fault':20}" + "".join(f"{heading:>10}" for heading in headings)]
-    for name, row in {**found["by_fault"], "all": found["faults"]}.items():
+    whole = {"all": found["faults"], "all that show": found["faults_that_show"]}
+    for name, row in {**found["by_fault"], **whole}.items():
         lines.append(f"{name:20}" + "".join(f"{row[heading]:>10}" for heading in headings))
     return lines
 

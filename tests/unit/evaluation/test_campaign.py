@@ -27,6 +27,7 @@ from h2nav.evaluation.campaign.draw import (
     as_text,
     read_draw,
 )
+from h2nav.evaluation.campaign.effects import shows, without
 from h2nav.evaluation.campaign.flight import (
     BOOT_US,
     events,
@@ -434,6 +435,52 @@ def test_a_compass_shows_the_heading_until_it_is_wrong_and_velocities_while_they
     assert shown(gyro).heading[95:100].all()
 
 
+def test_at_rest_only_an_accelerometer_that_is_level_shows_the_tilt():
+    """In motion velocities do; 1.5 deg are 26 mg."""
+    rest_s = int(BRISK.rest_s)
+    for seed in range(3):
+        draw = Draw(seed, flight=BRISK, **(IDEAL | {"accelerometer": AccelerometerDraw(0, 40.0)}))
+        flight = simulated(draw, earth_field_at(*place_of(draw), 1.8e9))
+        still = slice(10, rest_s)
+        off_n = flight.imus[0].f_b[: 50 * rest_s].mean(axis=0)
+        off_deg = math.degrees(math.atan(math.hypot(*off_n[:2]) / GRAVITY_M_S2))
+        assert shown(flight).tilt[still].all() == (off_deg < 1.5)
+        assert shown(flight).tilt[rest_s + 15]
+    assert shown(ideal()).tilt[10:].all()
+
+
+@pytest.mark.parametrize(
+    ("fault", "does"),
+    [
+        ("gyro-bias=0.6@60+20", True),
+        ("gyro-bias=0.4@60+20", False),
+        ("accel-bias=0.3@60+20", True),
+        ("accel-bias=0.2@60+20", False),
+        ("hard-iron=4@60+20", True),
+        ("hard-iron=2@60+20", False),
+        # what stands still already does not freeze, and what rests is not late
+        ("gyro-scale=1.3@1+20", False),
+        ("gyro-scale=1.3@60+40", True),
+        ("gps-lag=0.5@1+20", False),
+        ("gps-lag=0.5@30+60", True),
+        ("gps-lost@60+20", True),
+        ("autopilot-tilt=8@60+20", True),
+    ],
+)
+def test_a_fault_shows_if_the_readings_leave_what_a_sound_sensor_may_show(fault, does):
+    flight = ideal(faults=(fault,), receiver=ReceiverDraw(noise_m_s=0.05))
+    assert shows(flight, *flight.draw.scheduled) is does
+
+
+def test_a_fault_of_a_sensor_that_stands_still_does_not_show():
+    flight = ideal(faults=("accel-frozen@50+60", "accel-bias=2@60+20", "accel-bias=2@100+20"))
+    frozen, hidden, seen = flight.draw.scheduled
+    assert shows(flight, frozen)
+    assert not shows(flight, hidden)
+    assert shows(flight, seen)
+    assert without(flight.draw, hidden).scheduled == (frozen, seen)
+
+
 def test_the_longest_run_of_wrong_rows():
     t_s = np.arange(0.0, 10.0, 0.5)
     bad = (t_s > 1.0) & (t_s < 2.0) | (t_s >= 5.0) & (t_s <= 8.0)
@@ -457,13 +504,15 @@ def row(seed, **changes):
 
 def test_the_summary_counts_and_the_worst_come_first():
     accused = said(Kind.GYRO_BIAS_STEP, IMU_1, 60.0).row()
-    missed = fault_row(parse_fault("gps-step=5@100"), [], ())
+    missed = fault_row(parse_fault("gps-step=5@100"), [], ()) | {"shows": True}
+    hidden = fault_row(parse_fault("gps-lag=0.4@100"), [], ()) | {"shows": False}
     rows = [
         row(1),
         row(2, heading_wrong_s=40.0),
-        row(3, false_accusations=[accused], faults=[missed]),
+        row(3, false_accusations=[accused], faults=[missed, hidden]),
     ]
     found = summary(rows)
+    assert (found["faults"]["count"], found["faults_that_show"]["count"]) == (2, 1)
     assert found["hours"] == pytest.approx(0.3)
     assert found["heading_wrong_over_10_s"] == 1
     assert found["nees"]["heading"] == {"median": 0.1, "flights": 3, "below": 3, "above": 0}
