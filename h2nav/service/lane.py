@@ -517,6 +517,7 @@ class Lane:
         self._filter.restore(other._filter.state())
         self._filter.use_delays(self.timing.delays)
         self._bias.take_over(other._bias, other._filtered.bias_b)
+        self._monitor.open_as(other._filtered)
 
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""
