@@ -137,7 +137,7 @@ def _drawn(
 
 
 def _kind(path: Path) -> str:
-    from h2nav.recordings.dataflash_tables import FMT_OF_FMT, is_dataflash
+    from h2nav.recordings.dataflash_tables import is_binary, is_dataflash
     from h2nav.recordings.opening import PROBE_BYTES
     from h2nav.recordings.recording import open_recording
     from h2nav.recordings.ulog_tables import is_ulog
@@ -149,7 +149,7 @@ def _kind(path: Path) -> str:
         raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
     if is_ulog(start):
         return "ulog"
-    if FMT_OF_FMT in start:
+    if is_binary(start):
         return "dataflash"
     if is_dataflash(start):
         raise BadInput(f"{path}: a dataflash log as text; expected the binary one (.bin)")

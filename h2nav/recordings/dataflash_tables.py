@@ -64,6 +64,8 @@ WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 PROBE_BYTES = 4096
 MAX_PREAMBLE = 64
+# A definition that is believed without another one.
+MIN_COLUMNS = 3
 # Bytes that are followed together, or one by one where that fails.
 STRETCH, SINGLY = 1 << 20, 1 << 9
 # Of a log that is read piece by piece.
@@ -122,7 +124,33 @@ def is_dataflash(start: bytes) -> bool:
     Args:
         start: some kilobytes from its beginning.
     """
-    return FMT_OF_FMT in start or TEXT_START.match(start) is not None
+    return is_binary(start) or TEXT_START.match(start) is not None
+
+
+def is_binary(start: bytes) -> bool:
+    """Whether a binary log begins so: with the definition of definitions, or, cut there, any."""
+    if FMT_OF_FMT in start:
+        return True
+    definition = HEAD + bytes((FMT_TYPE,))
+    place = start.find(definition)
+    while place >= 0:
+        form = _binary_format(start[place : place + FMT_BYTES])
+        # No chance makes its letters, its names and its length agree.
+        if form is not None and len(form.letters) >= MIN_COLUMNS and form.row() is not None:
+            return True
+        place = start.find(definition, place + 1)
+    return False
+
+
+def _binary_format(record: bytes) -> RowFormat | None:
+    """What a record FMT defines; None of one that is cut off."""
+    if len(record) < FMT_BYTES:
+        return None
+    name, letters, names = (
+        record[first:last].split(b"\0", 1)[0].decode("latin-1")
+        for first, last in ((5, 9), (9, 25), (25, 89))
+    )
+    return RowFormat(name, record[4], letters, tuple(names.split(",")))
 
 
 def read_dataflash(path: Path) -> LogTables:
@@ -135,7 +163,7 @@ def read_dataflash(path: Path) -> LogTables:
         data = path.read_bytes()
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
-    if FMT_OF_FMT not in data[:PROBE_BYTES] and TEXT_START.match(data[:PROBE_BYTES]):
+    if not is_binary(data[:PROBE_BYTES]) and TEXT_START.match(data[:PROBE_BYTES]):
         return _text_tables(data)
     return _Chain(data).follow()
 
@@ -151,7 +179,7 @@ def dataflash_pieces(path: Path, progress: Progress = lambda done, total: None) 
     """
     with path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
         start = data[:PROBE_BYTES]
-        if FMT_OF_FMT not in start and TEXT_START.match(start):
+        if not is_binary(start) and TEXT_START.match(start):
             yield Piece(_text_tables(data[:]), {})
             return
         for done, piece in _Chain(data).pieces():
@@ -262,7 +290,8 @@ class _Chain:
 
     def _tells_format(self, record: bytes) -> None:
         """Takes the first definition of each type, so that many cost no more than their bytes."""
-        if len(record) < FMT_BYTES or record[3] == FMT_TYPE:
+        form = _binary_format(record)
+        if form is None or record[3] == FMT_TYPE:
             return
         kind, length = record[3], record[4]
         declared = self._declared.setdefault(kind, record)
@@ -271,11 +300,6 @@ class _Chain:
             return
         if kind in self._formats:
             return
-        name, letters, names = (
-            record[first:last].split(b"\0", 1)[0].decode("latin-1")
-            for first, last in ((5, 9), (9, 25), (25, 89))
-        )
-        form = RowFormat(name, length, letters, tuple(names.split(",")))
         self._formats[kind] = form
         if length > HEADER_BYTES:
             self._lengths[kind] = length

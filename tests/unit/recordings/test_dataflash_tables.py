@@ -213,6 +213,19 @@ def test_a_log_is_known_by_its_content() -> None:
     assert not is_dataflash(b"ULog" + bytes(4000))
 
 
+def test_a_log_without_its_beginning_is_known_by_any_definition(tmp_path: Path) -> None:
+    data = writer().bytes()
+    place = data.index(HEAD + bytes((128,)), 1)
+    for begin in (place, place - 7):
+        assert is_dataflash(data[begin:][:4096])
+        assert read(tmp_path, data[begin:]).find("ABC") is not None
+    definition = bytearray(data[place : place + FMT_BYTES])
+    assert is_dataflash(bytes(definition))
+    assert not is_dataflash(bytes(definition[:-1]))
+    definition[4] += 1  # of another length than its letters
+    assert not is_dataflash(bytes(definition))
+
+
 def test_a_file_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="cannot be read"):
         read_dataflash(tmp_path / "none.bin")
