@@ -155,6 +155,7 @@ def test_what_is_in_reach_begins_with_the_rooms_own(tool, tree):
         "tests/own/test_long.py": "from h2nav.deep import a" + "  # long" * 100,
         "tests/own/test_short.py": "import h2nav.deep",
         "tests/own/test_deep.py": "",
+        "tests/own/test_deeper.py": "from h2nav.deep import a" + "  # long" * 100,
         "tests/own/test_above.py": "from h2nav import above",
         "tests/own/test_else.py": "",
         "tests/other/test_guest.py": "from h2nav.deep import a",
@@ -165,6 +166,7 @@ def test_what_is_in_reach_begins_with_the_rooms_own(tool, tree):
         (tree / name).write_text(text)
     own, everywhere = (tool.test_files(tree, [suite]) for suite in ("tests/own", "tests"))
     assert tool.in_reach(tree, "h2nav/deep.py", own, everywhere) == (
+        "tests/own/test_deeper.py",
         "tests/own/test_deep.py",
         "tests/own/test_short.py",
         "tests/own/test_long.py",

@@ -205,11 +205,18 @@ def test_files(repository: Path, suites: Iterable[str]) -> list[Path]:
 
 
 def own_first(repository: Path, module: str, files: Iterable[Path]) -> list[str]:
-    """Test files, relative to the tree: the own of module and folder first, then the short ones."""
-    names = [f"test_{Path(module).stem}", f"test_{Path(module).parent.name}"]
+    """Test files, relative to the tree: the own of module and folder first, then the short ones.
 
-    def place(path: Path) -> tuple[list[bool], int, Path]:
-        return [not path.stem.startswith(name) for name in names], path.stat().st_size, path
+    Of those with the module's name, or without, the ones that import it come first: that of
+    another module may begin alike.
+    """
+    files = list(files)
+    names = [f"test_{Path(module).stem}", f"test_{Path(module).parent.name}"]
+    direct = _importers(module, files)
+
+    def place(path: Path) -> tuple[list[bool], bool, int, Path]:
+        is_other = [not path.stem.startswith(name) for name in names]
+        return is_other, path not in direct, path.stat().st_size, path
 
     return [str(path.relative_to(repository)) for path in sorted(files, key=place)]
 
