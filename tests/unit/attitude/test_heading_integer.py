@@ -171,6 +171,11 @@ def test_another_field_has_to_be_steady_within_half_the_gates(norm, dip_deg, is_
     assert s.mag_new_us == (4 if is_same else 3) * AGE_US
     mean = 0.75 if is_same else 1.0
     assert s.mag_new_norm / REFERENCE == pytest.approx(NORM * (1.2 + mean * (norm - 1.2)), rel=1e-3)
+    parts = s.mag_new_horizontal, s.mag_new_down
+    for part, function in zip(parts, (math.cos, math.sin), strict=True):
+        first, second = 1.2 * function(DIP), norm * function(dip_deg * DEG)
+        expected = NORM * (first + mean * (second - first))
+        assert part / REFERENCE == pytest.approx(expected, abs=1e-3)
     assert s.mag_new_turn == (1 << 16 if is_same else 0)
 
 

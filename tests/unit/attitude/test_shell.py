@@ -6,7 +6,15 @@ import pytest
 from velocity_flights import FLYING, new_filter, new_integer_filter
 
 from h2nav.attitude.filter import FilterState
-from h2nav.attitude.samples import EarthField, ImuSample, Trust, VehicleState, VelocityFix
+from h2nav.attitude.samples import (
+    EarthField,
+    ImuSample,
+    SensorCorrection,
+    SensorDoubt,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
 from h2nav.attitude.velocity_aided.shell import (
     clipping,
     forward_speed_m_s,
@@ -374,6 +382,55 @@ def test_a_latency_that_the_times_no_longer_have_does_not_count_twice(
     # and once only
     found.use_velocity(fix(found.t_us, removed_s=removed_s, removed_sigma_s=sigma_s))
     assert found.sensor_errors.fix_latency_s == pytest.approx(becomes_s)
+
+
+# --- sensors that were found wrong ------------------------------------------------------------
+
+
+def corrected(made, turn_n=(0.0, 0.0, 0.0)):
+    """A filter in flight after a correction, and its attitude before."""
+    found = flown(3.0, made, FLYING)
+    before = found.update(at(found.t_us + STEP_US))
+    found.use_velocity(fix(found.t_us))
+    rate_sigma = (0.003, 0.006, 0.009)
+    found.doubt(
+        SensorDoubt(
+            correction=SensorCorrection(
+                (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), turn_n, rate_sigma, (0.1, 0.2), 0.05, 0.06
+            )
+        )
+    )
+    return found, before.q_nb
+
+
+def gyro_sigma(found, axis=1):
+    return math.sqrt(found.sensor_errors.gyro_variance[axis])
+
+
+@pytest.mark.parametrize("made", [new_filter, new_integer_filter])
+def test_a_sensor_that_was_wrong_leaves_the_attitude_without_its_errors(made):
+    turn_n = (0.0, 0.2, -0.1)
+    found, before = corrected(made, turn_n)
+    assert [gyro_sigma(found, axis) for axis in range(3)] == pytest.approx(
+        [0.003, 0.006, 0.009], rel=0.01
+    )
+    # what was measured until now was felt by the wrong sensor
+    assert found.is_plain_at(found.t_us + 1)
+    found.use_velocity(fix(found.t_us))
+    assert found.is_plain_at(found.t_us + 1)
+    after = found.update(at(found.t_us + STEP_US, (0.0, 0.0, 0.0), field=None))
+    expected = quaternion.multiply(quaternion.exp(turn_n), before)
+    assert quaternion.angle(after.q_nb, expected) < 5e-3
+    assert after.sigma_tilt_rad == pytest.approx(0.05, rel=0.15)
+
+
+@pytest.mark.parametrize("made", [new_filter, new_integer_filter])
+@pytest.mark.parametrize(("sigma", "becomes"), [(0.012, 0.012), (0.001, 0.006), (9.0, DEG)])
+def test_a_doubt_of_a_sensor_opens_its_bias_at_most_as_at_the_start(made, sigma, becomes):
+    found, _ = corrected(made)
+    found.doubt(SensorDoubt(rate_b=(0.0, sigma, 0.0)))
+    assert gyro_sigma(found) == pytest.approx(becomes, rel=0.01)
+    assert gyro_sigma(found, 2) == pytest.approx(0.009, rel=0.01)
 
 
 # --- field, restart and state -----------------------------------------------------------------
