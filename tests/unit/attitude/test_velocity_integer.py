@@ -72,11 +72,12 @@ def test_the_velocity_follows_the_force_and_rounding_is_carried(aided):
     assert [part / Q24 for part in since] == pytest.approx(list(expected), abs=1e-3)
 
 
-def test_a_known_bias_of_the_accelerometer_is_taken_off():
+@pytest.mark.parametrize("axis", range(2))
+def test_a_known_bias_of_the_accelerometer_is_taken_off(axis):
     s, sample, r = known()
     bias = 0.02
-    s.accel_bias[:] = [round(bias / (2e6 / 2.0**27) * 2.0**28), 0]
-    sample.accel[:] = [round(bias * 2.0**20), 0, 0]
+    s.accel_bias[axis] = round(bias / (2e6 / 2.0**27) * 2.0**28)
+    sample.accel[axis] = round(bias * 2.0**20)
     for _ in range(500):
         accelerate(s, sample, r)
     assert [s.velocity_n / Q24, s.velocity_e / Q24] == pytest.approx([0.0, 0.0], abs=1e-3)
@@ -89,12 +90,17 @@ def test_bounded_and_measured_velocities_are_unrelated(aided):
     sample.aided, sample.forward_speed = aided, round(2.0 * 2.0**11)
     s.velocity_n = s.gained_n = s.gained_e = s.fix_period_us = s.tilt_suspect = 1
     s.dvelocity_n[:] = s.dtilt_e[:] = [1, 2, 3, 4]
-    s.k_tilt_m = s.innovation_sum_n = s.mag_held = s.mag_count = 5
+    s.k_tilt_m = s.innovation_sum_n = s.innovation_sum_e = s.mag_held = s.mag_count = 5
+    s.bias_walk[:], s.bias_moved[:], s.p_accel_x[:] = [1, 2, 3], [1, 2, 3], [1, 2, 3, 4]
     change_aiding(s, g, sample, r)
     nose = 2.0 * MATRIX[:2, 0]
     assert [s.velocity_n / Q24, s.velocity_e / Q24] == pytest.approx(nose.tolist(), abs=1e-3)
     assert (s.gained_n, s.gained_e, s.fix_period_us, s.tilt_suspect) == (0,) * 4
-    assert (s.k_tilt_m, s.innovation_sum_n, s.mag_held, s.mag_count, s.frame_time) == (0,) * 5
+    assert (s.k_tilt_m, s.mag_held, s.mag_count, s.frame_time) == (0,) * 4
+    assert (s.innovation_sum_n, s.innovation_sum_e) == (0, 0)
+    # nothing shows yet how the biases move, or what they share
+    assert s.bias_walk[:] == s.bias_moved[:] == [0] * 3
+    assert s.p_accel_x[:] == [0] * 4
     assert (s.phase, s.aided, s.fixes_rejected) == (1, aided, MAX_REJECTED)
     assert s.dvelocity_n[:] == [0] * 4
     assert s.dtilt_e[:] == [1, 2, 3, 0]  # a tilt by the biases stays
