@@ -19,6 +19,10 @@ STEP_S, FALLS_G, FALLS_S = 0.1, 0.45, 0.4
 CARRIED_G, BEFORE_S = 0.6, 1.0
 # Motors run down in some tenths of a second, and texts come that much late.
 WITHIN_S = 0.7
+# A fall that is told by itself: for a second, 5 m, and nothing but drag is left in its first half.
+FELL_S, LEFT_G = 1.0, 0.25
+# What comes down bounces before it lies, and seldom samples miss the first blow.
+BOUNCES_S = 3.0
 # A fall from 400 m.
 LONGEST_S = 9.0
 
@@ -41,6 +45,28 @@ def falls_from_s(track: ImuTrack, t_s: float) -> float:
         if (last - first + 1) * STEP_S < FALLS_S or not len(before):
             continue
         if np.median(before) > CARRIED_G and abs(edges[first] - t_s) <= WITHIN_S:
+            return float(edges[first])
+    return float("nan")
+
+
+def fall_before_s(track: ImuTrack, t_s: float) -> float:
+    """The beginning of a free fall that a blow ended, from 5 m and more; NaN without one.
+
+    At first nothing is left of the force: where one motor is missing, the others carry on.
+    """
+    edges = np.arange(t_s - LONGEST_S - BEFORE_S, t_s + 0.5 * STEP_S, STEP_S)
+    rows = slice(*np.searchsorted(track.t_s, (edges[0], edges[-1])))
+    if rows.stop - rows.start < len(edges):
+        return float("nan")
+    squares = means(track.t_s[rows], track.f_b[rows].astype(float) ** 2, edges)
+    size = np.sqrt(squares.sum(axis=1)) / GRAVITY_M_S2
+    for first, last in runs(size < FALLS_G):
+        before = size[max(first - round(BEFORE_S / STEP_S), 0) : first]
+        if (last - first + 1) * STEP_S < FELL_S or edges[last + 1] < t_s - BOUNCES_S:
+            continue
+        before = before[np.isfinite(before)]
+        begun = size[first : first + round(0.5 * FELL_S / STEP_S)]
+        if len(before) and np.median(before) > CARRIED_G and np.median(begun) < LEFT_G:
             return float(edges[first])
     return float("nan")
 

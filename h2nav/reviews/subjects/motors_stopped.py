@@ -7,7 +7,7 @@ from h2nav.integrity.kinds import FlightKind, Meaning
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
-from h2nav.reviews.falls import FALLS_S, STEP_S, WITHIN_S, falls_from_s
+from h2nav.reviews.falls import FALLS_S, STEP_S, WITHIN_S, fall_before_s, falls_from_s
 from h2nav.reviews.inertial import Mask, runs
 from h2nav.reviews.subjects import needs
 
@@ -34,8 +34,9 @@ KINDS = (
         phrase=lambda one: one.text,
         section="attitude",
         shown_by="a force that vanishes for half a second as the vehicle is disarmed, as all "
-        "outputs go to their least, or while all are asked for thrust",
-        limit="0.45 g (rms) for 0.4 s, after 0.6 g",
+        "outputs go to their least, or while all are asked for thrust; without outputs, for a "
+        "second until a crash",
+        limit="0.45 g (rms) for 0.4 s, after 0.6 g; without outputs 0.25 g at first",
     ),
 )
 
@@ -52,7 +53,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     ]
     stops += _switched_off(evidence)
     fell = ((t_s, how) for t_s, how in sorted(stops) if np.isfinite(falls_from_s(track, t_s)))
-    first = next(fell, None) or _unpowered(evidence)
+    first = next(fell, None) or _unpowered(evidence) or _unseen(evidence)
     return [] if first is None else [_finding(evidence, *first)]
 
 
@@ -84,6 +85,19 @@ def _unpowered(evidence: FlightEvidence) -> tuple[float, str] | None:
         t_s = float(bins.t_s[first])
         if (last - first + 1) * STEP_S >= FALLS_S and np.isfinite(falls_from_s(track, t_s)):
             return t_s, f"no thrust, although {usual:.0%} of their range was asked for"
+    return None
+
+
+def _unseen(evidence: FlightEvidence) -> tuple[float, str] | None:
+    """A free fall to the ground, where no outputs were recorded."""
+    track, bins = evidence.of(parts.soundest_as_recorded), evidence.of(parts.bins)
+    if track is None or bins is None or evidence.of(parts.recorded).motors is not None:
+        return None
+    for crash in evidence.of(parts.crashes):
+        from_s = fall_before_s(track, crash.t_s)
+        begun = (bins.t_s >= from_s) & (bins.t_s < from_s + FALLS_S)
+        if begun.any() and np.linalg.norm(bins.w_b[begun], axis=1).max() < TURNS_RAD_S:
+            return from_s, "nothing carried it until the blow"
     return None
 
 

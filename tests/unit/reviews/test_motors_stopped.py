@@ -1,5 +1,7 @@
 """When all motors have stopped in the air: just enough of it, and just too little."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from known_evidence import KnownEvidence, flying_bins, imu_track
@@ -26,7 +28,7 @@ def falling(lasts_s=1.0, left_g=0.05, carried_g=1.0, later_s=0.0):
 
 
 def found_in(track, disarmed_s=END_S + 1.0, share=0.5, off_share=None, off_s=2.0, bins=None,
-             said=(), numbers=(1, 2, 3, 4), has_flown=True):  # fmt: skip
+             said=(), numbers=(1, 2, 3, 4), has_flown=True, crashed_s=()):  # fmt: skip
     shares = np.full((len(OUTPUTS_S), len(numbers)), share)
     if off_share is not None:
         off = (OUTPUTS_S > AT_S - 0.05) & (AT_S + off_s - 0.05 > OUTPUTS_S)
@@ -40,6 +42,7 @@ def found_in(track, disarmed_s=END_S + 1.0, share=0.5, off_share=None, off_s=2.0
                 parts.recorded: Context(motors=motors if numbers else None, said=said),
                 parts.bins: flying_bins(END_S) if bins is None else bins,
                 parts.flown: has_flown,
+                parts.crashes: [SimpleNamespace(t_s=t_s) for t_s in crashed_s],
             }
         )
     )
@@ -157,3 +160,31 @@ def test_what_has_not_flown_or_has_no_outputs_shows_no_loss_of_power():
     assert found_in(falling(), bins=unpowered(), numbers=()) == []
     assert found_in(imu_track(T_S), bins=unpowered()) == []
     assert look(KnownEvidence({parts.soundest_as_recorded: None})) == []
+
+
+@pytest.mark.parametrize(
+    ("how", "crashed_s", "turning_deg_s", "is_told"),
+    [
+        ({"lasts_s": 1.4}, AT_S + 1.4, 0.0, True),
+        ({"lasts_s": 1.1}, AT_S + 1.1, 0.0, True),
+        ({"lasts_s": 0.8}, AT_S + 0.8, 0.0, False),
+        # it bounced
+        ({"lasts_s": 1.4}, AT_S + 4.2, 0.0, True),
+        ({"lasts_s": 1.4}, AT_S + 4.6, 0.0, False),
+        # one motor of four is missing
+        ({"lasts_s": 1.4, "left_g": 0.24}, AT_S + 1.4, 0.0, True),
+        ({"lasts_s": 1.4, "left_g": 0.26}, AT_S + 1.4, 0.0, False),
+        ({"lasts_s": 1.4}, AT_S + 1.4, 55.0, True),
+        ({"lasts_s": 1.4}, AT_S + 1.4, 65.0, False),
+        ({"lasts_s": 1.4, "carried_g": 0.5}, AT_S + 1.4, 0.0, False),
+    ],
+)
+def test_a_fall_to_the_ground_without_outputs(how, crashed_s, turning_deg_s, is_told):
+    bins = unpowered(turning_deg_s=turning_deg_s)
+    found = found_in(falling(**how), bins=bins, numbers=(), crashed_s=(crashed_s,))
+    assert bool(found) == is_told
+    if found:
+        assert found[0].from_s == pytest.approx(AT_S, abs=0.11)
+        assert "(nothing carried it until the blow)" in found[0].text
+    # with outputs they would show it
+    assert found_in(falling(**how), bins=bins, share=0.3, crashed_s=(crashed_s,)) == []
