@@ -31,6 +31,8 @@ MIN_CELL_V, MIN_CELLS = 2.5, 2
 # many cells as the highest voltage takes at the least, and they held so much: a wrong scale holds
 # less.
 EMPTY_CELL_V, FULL_CELL_V, HELD_CELL_V, EMPTY_S = 3.0, 4.35, 3.5, 2.0
+# What carries a vehicle is asked for more as its voltage sinks; where it is not, the sensor sank.
+ASKED_MORE = 1.1
 # Where limits are set: 3.3 to 3.7 V a cell.
 LIMIT_CELL_V = 3.5
 FULL_QUANTILE = 0.9
@@ -174,10 +176,14 @@ def _emptied(context: Context) -> tuple[float, float, str] | None:
     # As it was before: a sensor that reads too little always does.
     if full_v < HELD_CELL_V * cells:
         return None
+    driven = driven_at(context, battery.t_s)
+    carries = armed & (driven > CARRIES_SHARE)
+    usual = driven[carries & (volts >= HELD_CELL_V * cells)]
     empty = armed & (volts < EMPTY_CELL_V * cells)
     for first, last in runs(empty):
         lasted_s = float(battery.t_s[last] - battery.t_s[first])
-        if lasted_s >= EMPTY_S:
+        asked = float(np.median(driven[first : last + 1]))
+        if lasted_s >= EMPTY_S and len(usual) and asked > ASKED_MORE * np.median(usual):
             words = f"below {EMPTY_CELL_V:.1f} V for each of {cells} cells for {lasted_s:.0f} s"
             return float(battery.t_s[first]), float(battery.t_s[last]), words
     return None

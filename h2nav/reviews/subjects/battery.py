@@ -25,7 +25,8 @@ KINDS = (
             "voltage is below 2.5 V a cell, or higher while the motors carry the vehicle than "
             "without load"
         ),
-        limit="10 s below; 2 s below 3.0 V for each cell, of a pack that held 3.5 V",
+        limit="10 s below; 2 s below 3.0 V for each cell, of a pack that held 3.5 V, while the "
+        "motors are asked for 10 % more than before",
     ),
 )
 

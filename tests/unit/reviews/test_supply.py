@@ -241,9 +241,21 @@ def test_of_one_height_nothing_is_told():
     ],
 )
 def test_a_battery_below_what_its_cells_may_be_discharged_to(length_s, volts, usual, limit, cells):
-    found = battery(dip(length_s, volts, usual), **limit)
+    found = battery(dip(length_s, volts, usual), throttle=dip(length_s, 0.7, 0.5), **limit)
     assert (found is not None) == (cells is not None)
     if found:
         assert found.text == f"the battery was low ({volts:.1f} V)"
         assert (found.from_s, found.to_s) == (40.0, 40.0 + length_s)
         assert f"below 3.0 V for each of {cells} cells for {length_s:.0f} s" in found.evidence
+
+
+@pytest.mark.parametrize(
+    ("before", "asked", "is_told"),
+    [(0.5, 0.56, True), (0.5, 0.54, False), (0.36, 0.5, True), (0.34, 0.5, False)],
+)
+def test_a_voltage_that_sinks_while_nothing_more_is_asked_for_is_that_of_a_sensor(
+    before, asked, is_told
+):
+    sinks = dip(5.0, 8.9)
+    assert (battery(sinks, throttle=dip(5.0, asked, before)) is not None) == is_told
+    assert battery(sinks) is None
