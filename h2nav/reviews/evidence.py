@@ -108,7 +108,10 @@ def _driven(context: Context) -> list[Span]:
     driven = np.nan_to_num(motors.share()).mean(axis=1) > FLYING_SHARE
     spans = [Span(float(motors.t_s[a]), float(motors.t_s[b]), "driven") for a, b in runs(driven)]
     unarmed = without(spans, context.armed)
-    return [span for span in unarmed if span.to_s - span.from_s >= DRIVEN_S]
+    # Until it was armed it was not, if that was logged.
+    armed_s = {span.from_s for span in context.armed}
+    long = (span for span in unarmed if span.to_s - span.from_s >= DRIVEN_S)
+    return [span for span in long if span.to_s not in armed_s]
 
 
 def _united(spans: list[Span]) -> tuple[Span, ...]:
