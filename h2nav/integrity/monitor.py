@@ -400,9 +400,9 @@ class Monitor:
         self._opened.correct(0.0, 0.0)
         self._lost = LostAttitude()
 
-    def open_as(self, estimate: AttitudeEstimate) -> None:
-        """Takes the deviations of an estimate that the filter has taken over."""
-        self._opened.open(estimate.sigma_tilt_rad, estimate.sigma_heading_rad)
+    def open(self, tilt_rad: float, heading_rad: float = 0.0) -> None:
+        """Takes errors that others show: they open the deviations, and fade."""
+        self._opened.open(tilt_rad, heading_rad)
 
     def opened(self, estimate: AttitudeEstimate) -> AttitudeEstimate:
         """The estimate with deviations increased to the errors that measurements show."""

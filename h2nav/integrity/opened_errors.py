@@ -13,6 +13,9 @@ OPEN_S = 10.0
 JUDGED_S = 1e-6 * JUDGED_US
 KEPT_OPEN = math.exp(-JUDGED_S / OPEN_S)
 LONG_US = 1e6 * LONG_S
+# Two attitudes of one vehicle differ by more than this many deviations of their difference only if
+# they do not know how wrong they are.
+APART = 2.0
 
 
 class OpenedErrors:
@@ -71,3 +74,21 @@ class OpenedErrors:
             AttitudeEstimate,
             (t_us, q_nb, w_b, bias_b, innovation_n, tilt_rad, trust, heading_rad),
         )
+
+
+def shown_by_difference(
+    apart_rad: float, first_rad: float, second_rad: float
+) -> tuple[float, float]:
+    """What each of two attitudes is probably off by; zeros if their deviations explain it.
+
+    Source: docs/integrity.md Eq. (14).
+
+    Args:
+        apart_rad: their difference.
+        first_rad: deviation of one.
+        second_rad: of the other.
+    """
+    both_rad = math.hypot(first_rad, second_rad)
+    if not apart_rad > APART * both_rad > 0.0:
+        return 0.0, 0.0
+    return apart_rad * first_rad / both_rad, apart_rad * second_rad / both_rad

@@ -19,6 +19,7 @@ from h2nav.attitude.samples import (
 from h2nav.integrity.compasses import SAME_TIME_US, Compasses, Level
 from h2nav.integrity.field_voting import FieldVoting
 from h2nav.integrity.findings import Alarm
+from h2nav.integrity.opened_errors import shown_by_difference
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
 from h2nav.integrity.sensor_pairs import InertialSensor
@@ -106,7 +107,7 @@ class Estimation:
         self._compasses = Compasses()
         self._lender: Lane | None = None  # its field is also that of IMUs without a compass
         self._without_compass: tuple[Lane, ...] = ()
-        self._looked_ns = 0
+        self._looked_ns = self._tilts_ns = 0
         self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
@@ -457,6 +458,8 @@ class Estimation:
             self._sent = self._first_lane(t_ns)
             return ""
         self._compare_compasses(t_ns)
+        if t_ns - self._tilts_ns >= SECOND_NS:
+            self._compare_tilts(t_ns)
         self._restart_lanes(t_ns)
         sent = self._lane
         conditions = {sent.imu: self._condition(t_ns, sent, sent)}
@@ -465,6 +468,18 @@ class Estimation:
             conditions |= {lane.imu: self._condition(t_ns, lane, sent) for lane in others}
         switch = self._selection.look(t_ns, sent.imu, conditions)
         return self._switched(switch) if switch is not None else ""
+
+    def _compare_tilts(self, t_ns: int) -> None:
+        """Opens the deviations of attitudes that differ by more than these allow."""
+        self._tilts_ns = t_ns
+        lanes = [lane for lane in self._lanes if lane.may_be_right(t_ns)]
+        for one, other in itertools.combinations(lanes, 2):
+            apart_rad, _ = _apart(one, other)
+            first_rad, second_rad = shown_by_difference(
+                apart_rad, one.sigma_tilt_rad, other.sigma_tilt_rad
+            )
+            one.monitor.open(first_rad)
+            other.monitor.open(second_rad)
 
     def _choose_lender(self, t_ns: int) -> None:
         """Chooses whose field the IMUs without a compass take."""

@@ -172,6 +172,11 @@ class Lane:
         """The newest estimate, at the time of its sample."""
         return None if self._filtered is None else self.lead(self._filtered)
 
+    @property
+    def sigma_tilt_rad(self) -> float:
+        """The deviation of its tilt; NaN without an attitude."""
+        return math.nan if self._filtered is None else self._filtered.sigma_tilt_rad
+
     def lead(self, filtered: AttitudeEstimate) -> AttitudeEstimate:
         """Propagates an estimate of the filter to the time of its sample."""
         return extrapolated(filtered, self.timing.delays.gyro_s)
@@ -228,6 +233,12 @@ class Lane:
     def lend(self, t_ns: int, field: Vec3, of: int) -> None:
         """Takes the field of another IMU's compass for the next sample."""
         self._lent.lend(t_ns, field, of)
+
+    def may_be_right(self, t_ns: int) -> bool:
+        """Whether nothing is known against its attitude."""
+        if self._filtered is None or self.needs_restart or self.is_silent(t_ns):
+            return False
+        return not (self.sensor_is_bad or self._verdict.wrong)
 
     @property
     def is_resting(self) -> bool:
@@ -517,7 +528,8 @@ class Lane:
         self._filter.restore(other._filter.state())
         self._filter.use_delays(self.timing.delays)
         self._bias.take_over(other._bias, other._filtered.bias_b)
-        self._monitor.open_as(other._filtered)
+        taken = other._filtered
+        self._monitor.open(taken.sigma_tilt_rad, taken.sigma_heading_rad)
 
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""

@@ -543,7 +543,7 @@ def test_a_velocity_is_not_lost_while_nothing_at_all_is_heard():
 def test_what_begins_as_an_attitude_that_is_doubted_is_doubted_as_much():
     monitor = Monitor(Sensor(SensorKind.IMU, 2), Speeds(10.0))
     taken = AttitudeEstimate(0, (1.0, 0.0, 0.0, 0.0), REST, REST, REST, 0.5, Trust.ALIGNED, 0.75)
-    monitor.open_as(taken)
+    monitor.open(taken.sigma_tilt_rad, taken.sigma_heading_rad)
     own = monitor.opened(taken._replace(sigma_tilt_rad=0.02, sigma_heading_rad=0.1))
     assert own.sigma_tilt_rad == pytest.approx(math.hypot(0.5, 0.02))
     assert own.sigma_heading_rad == pytest.approx(math.hypot(0.75, 0.1))

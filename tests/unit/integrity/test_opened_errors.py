@@ -8,7 +8,7 @@ from h2nav.attitude.samples import AttitudeEstimate, SensorCorrection, SensorErr
 from h2nav.integrity.causes import DECIDED, Cause, Explained
 from h2nav.integrity.corrected_sensor import CorrectedSensor
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
-from h2nav.integrity.opened_errors import OpenedErrors
+from h2nav.integrity.opened_errors import OpenedErrors, shown_by_difference
 
 S = 1_000_000
 G = 9.80665
@@ -143,3 +143,20 @@ def test_a_second_correction_counts_from_the_first():
     assert (alarm.kind, alarm.since_s) == (Kind.ACCELEROMETER_BIAS_STEP, 4.0)
     made.review(Row(force_b=(0.6, 0.0, 0.0)).errors, (0.0, 0.0, 0.0))
     assert made.alarms(IMU, 9 * S, ()) == []
+
+
+@pytest.mark.parametrize(
+    ("apart", "first", "second", "found"),
+    [
+        (1.0, 0.3, 0.4, (0.0, 0.0)),
+        (1.001, 0.3, 0.4, (0.6006, 0.8008)),
+        (2.0, 0.0, 0.5, (0.0, 2.0)),
+        (2.0, 0.0, 0.0, (0.0, 0.0)),
+        (math.nan, 0.3, 0.4, (0.0, 0.0)),
+        (2.0, math.nan, 0.4, (0.0, 0.0)),
+    ],
+)
+def test_two_attitudes_that_differ_by_more_than_they_allow_are_off_by_their_shares(
+    apart, first, second, found
+):
+    assert shown_by_difference(apart, first, second) == pytest.approx(found)

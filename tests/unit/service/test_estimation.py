@@ -18,6 +18,7 @@ from h2nav.attitude.samples import (
 )
 from h2nav.integrity.findings import Kind
 from h2nav.recordings.listener import Listener
+from h2nav.service import estimation
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.estimation import Estimation
@@ -492,3 +493,21 @@ def test_who_takes_a_message_is_remembered_only_while_it_holds():
     flight.highres_holds = 0
     flight.run(64.0)  # a rest ends after a minute
     assert flight.outcomes
+
+
+def test_tilts_that_differ_by_more_than_they_allow_open_their_deviations(monkeypatch):
+    flight = Flight(sends=(RAW, SECOND))
+    flight.run(20.0)
+    usual_rad = flight.outcomes[-1].estimate.sigma_tilt_rad
+    apart = {"rad": 1.9 * math.hypot(usual_rad, usual_rad)}
+    monkeypatch.setattr(estimation, "_apart", lambda *_: (apart["rad"], 0.0))
+    flight.run(2.0)
+    assert flight.outcomes[-1].estimate.sigma_tilt_rad == pytest.approx(usual_rad, rel=0.05)
+    apart["rad"] = 0.5
+    flight.run(2.0)
+    # by half of the difference each, and a bit more
+    assert 0.3 < flight.outcomes[-1].estimate.sigma_tilt_rad < 0.4
+    # a lane that is known to be wrong says nothing of the others
+    flight.frozen.add(SECOND)
+    flight.run(40.0)
+    assert flight.outcomes[-1].estimate.sigma_tilt_rad < 2.0 * usual_rad
