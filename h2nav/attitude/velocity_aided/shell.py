@@ -40,8 +40,9 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 LONGEST_GAP_S = 1.0
 LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 # On the ground, a vehicle that is not heard for less may have taken off, but was not carried away:
-# it keeps its attitude, unless it lies still, as the size of the force shows, and otherwise.
-CARRIED_US = 3_000_000
+# it keeps an attitude that is older, unless it lies still, as the size of the force shows, and
+# otherwise.
+CARRIED_S = 3.0
 STILL_M_S2 = 1.0
 # Larger inputs are implausible.
 MAX_RATE_RAD_S = 200.0
@@ -292,8 +293,7 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         dt_us = None if passed_us > LONGEST_GAP_US else int(passed_us)
         self._t_us = sample.t_us
         bits: int | None
-        is_short = passed_us <= CARRIED_US and not self._lies_otherwise(sample.f_b)
-        if dt_us is None and self._aligned and (self._flies or is_short):
+        if dt_us is None and self._aligned and (self._flies or self._stays(sample, passed_us)):
             bits = self._resume(sample)
         else:
             bits = self._align(sample, dt_us)
@@ -305,13 +305,15 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         self._watch_in_air(sample.t_us)
         return self._standing(sample.t_us, bits)
 
-    def _lies_otherwise(self, f_b: Vec3) -> bool:
-        """Whether a force is gravity, in another direction than the attitude has it."""
-        size_m_s2 = math.hypot(*f_b)
-        if abs(size_m_s2 - GRAVITY_M_S2) > STILL_M_S2:
+    def _stays(self, sample: ImuSample, passed_us: float) -> bool:
+        """Whether a vehicle on the ground keeps its attitude after so long without samples."""
+        if passed_us > 1e6 * CARRIED_S or self._heading().age_s < CARRIED_S:
             return False
-        _, _, down = rotate(self._attitude(), f_b)
-        return -down < math.cos(AIR_TILT_SIGMA_RAD) * size_m_s2
+        size_m_s2 = math.hypot(*sample.f_b)
+        if abs(size_m_s2 - GRAVITY_M_S2) > STILL_M_S2:
+            return True  # it shakes
+        _, _, down = rotate(self._attitude(), sample.f_b)
+        return -down > math.cos(AIR_TILT_SIGMA_RAD) * size_m_s2
 
     # --- velocities -----------------------------------------------------------------------------
 

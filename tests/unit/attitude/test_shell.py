@@ -222,23 +222,25 @@ def test_after_a_long_gap_the_attitude_is_found_anew_on_the_ground(
 
 
 @pytest.mark.parametrize(
-    ("gap_us", "f_b", "is_kept"),
+    ("known_s", "gap_us", "f_b", "is_kept"),
     [
         # it has taken off meanwhile, and shakes
-        (1_000_001, (15.0, -4.0, -9.0), True),
-        (3_000_000, (15.0, -4.0, -9.0), True),
-        (3_000_001, (15.0, -4.0, -9.0), False),
+        (4.0, 1_000_001, (15.0, -4.0, -9.0), True),
+        (4.0, 3_000_000, (15.0, -4.0, -9.0), True),
+        (4.0, 3_000_001, (15.0, -4.0, -9.0), False),
+        # single samples that are as far apart are no stream
+        (2.9, 1_000_001, (15.0, -4.0, -9.0), False),
         # it lies still: as before, or 21 deg off
-        (1_000_001, (2.0, 0.0, -9.6), True),
-        (1_000_001, (3.52, 0.0, -9.16), False),
+        (4.0, 1_000_001, (2.0, 0.0, -9.6), True),
+        (4.0, 1_000_001, (3.52, 0.0, -9.16), False),
         # 21 deg off, but by its size not still
-        (1_000_001, (3.95, 0.0, -10.3), True),
+        (4.0, 1_000_001, (3.95, 0.0, -10.3), True),
     ],
 )
 def test_a_vehicle_on_the_ground_that_is_not_heard_for_a_moment_keeps_its_attitude_and_doubts_it(
-    gap_us, f_b, is_kept
+    known_s, gap_us, f_b, is_kept
 ):
-    found = flown(vehicle=ON_GROUND)
+    found = flown(seconds=known_s)
     before = found.update(at(found.t_us + STEP_US))
     after = found.update(at(found.t_us + gap_us, force=f_b))
     if not is_kept:
