@@ -52,7 +52,7 @@ class IgnoresInputs:
     ),
     "h2nav/attitude/velocity_aided/shell.py": (
         ("    EarthField,\n    ImuSample,\n", "    EarthField,\n    HeadingFix,\n    ImuSample,\n"),
-        ("import exp, multiply\n", "import exp, multiply, to_euler\n"),
+        ("import exp, multiply, rotate\n", "import exp, multiply, rotate, to_euler\n"),
         (
             "    def use_velocity(self, fix: VelocityFix) -> None:\n",
             '''\
