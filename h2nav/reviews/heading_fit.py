@@ -10,23 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from h2nav.maths.units import DEG, GRAVITY_M_S2
+from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, ImuTrack
-from h2nav.reviews.inertial import (
-    LONGEST_STEP_S,
-    Attitudes,
-    Mask,
-    interpolated,
-    rotate,
-    runs,
-)
+from h2nav.reviews.inertial import Attitudes, Mask, rotate, runs
 from h2nav.reviews.receiver_fit import (
     HALF_S,
     LONGEST_PAUSE_S,
     MIN_FIT_FIXES,
     Moves,
-    carried,
     fitted,
+    gained,
 )
 
 EVERY_S = 2.0
@@ -75,14 +68,7 @@ def _headings(
     moves: Moves, track: ImuTrack, own: Attitudes, bias_b: Array, flies: Mask, lag_s: float
 ) -> tuple[Headings, float]:
     """With one delay of the receiver, and minus the median of what the fits leave, m/s."""
-    dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
-    q_sb = carried(track, bias_b, dt_s)
-    force = rotate(q_sb, track.f_b)
-    force[1:] = 0.5 * (force[1:] + force[:-1])
-    t_s = moves.t_s - lag_s
-    v_s = interpolated(t_s, track.t_s, np.cumsum(force * dt_s[:, None], axis=0))
-    v_n = moves.v_n.copy()
-    v_n[:, 2] -= GRAVITY_M_S2 * (t_s - t_s[0])
+    q_sb, t_s, v_s, v_n = gained(moves, track, bias_b, lag_s)
     good = np.isfinite(v_s.sum(axis=1)) & flies
     t_s, v_s, v_n = t_s[good], v_s[good], v_n[good]
     found, left_m_s = [], []

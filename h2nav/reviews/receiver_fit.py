@@ -87,6 +87,30 @@ def _spread(wanted: Mask) -> NDArray[np.intp]:
 
 
 def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s: float) -> _Lined:
+    q_sb, t_s, v_s, v_n = gained(moves, track, bias_b, lag_s)
+    place = np.searchsorted(track.t_s, t_s).clip(max=len(track.t_s) - 1)
+    q_ns = product(best.at(track.t_s[place]), conjugate(q_sb[place]))
+    up_s = rotate(conjugate(q_ns), np.tile([0.0, 0.0, -1.0], (len(t_s), 1)))
+    good = np.isfinite(v_s.sum(axis=1))
+    heading = np.minimum(best.near(best.sigma_heading_rad, t_s - HALF_S), MAX_HEADING_RAD)
+    tilt = np.maximum(3.0 * best.near(best.sigma_tilt_rad, t_s), OF_HEADING * heading)
+    return _Lined(t_s[good], v_s[good], v_n[good], up_s[good], np.maximum(tilt, TILT_RAD)[good])
+
+
+def gained(
+    moves: Moves, track: ImuTrack, bias_b: Array, lag_s: float
+) -> tuple[Array, Array, Array, Array]:
+    """What the force has gained, and what the receiver measured.
+
+    Args:
+        bias_b: of the gyro, as far as known, rad/s.
+        lag_s: delay of the receiver.
+
+    Returns:
+        (N, 4) attitudes of the samples by the gyro alone, in the frame of the first one; of the M
+        moves (M,) their times, (M, 3) the velocity that the force has gained, in that frame, and
+        (M, 3) the measured one without gravity's, NED, m/s.
+    """
     dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
     q_sb = carried(track, bias_b, dt_s)
     force = rotate(q_sb, track.f_b)
@@ -95,13 +119,7 @@ def _lined(moves: Moves, track: ImuTrack, best: Attitudes, bias_b: Array, lag_s:
     v_s = interpolated(t_s, track.t_s, np.cumsum(force * dt_s[:, None], axis=0))
     v_n = moves.v_n.copy()
     v_n[:, 2] -= GRAVITY_M_S2 * (t_s - t_s[0])
-    place = np.searchsorted(track.t_s, t_s).clip(max=len(track.t_s) - 1)
-    q_ns = product(best.at(track.t_s[place]), conjugate(q_sb[place]))
-    up_s = rotate(conjugate(q_ns), np.tile([0.0, 0.0, -1.0], (len(t_s), 1)))
-    good = np.isfinite(v_s.sum(axis=1))
-    heading = np.minimum(best.near(best.sigma_heading_rad, t_s - HALF_S), MAX_HEADING_RAD)
-    tilt = np.maximum(3.0 * best.near(best.sigma_tilt_rad, t_s), OF_HEADING * heading)
-    return _Lined(t_s[good], v_s[good], v_n[good], up_s[good], np.maximum(tilt, TILT_RAD)[good])
+    return q_sb, t_s, v_s, v_n
 
 
 def carried(track: ImuTrack, bias_b: Array, dt_s: Array) -> Array:

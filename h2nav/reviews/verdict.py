@@ -354,12 +354,6 @@ def _lacking(one: Finding, found: list[Finding]) -> str:
     return ", then thrust was lacking" if is_so else ""
 
 
-def _without_repeats(kept: list[Finding], found: list[Finding]) -> list[Finding]:
-    """Without motors that met their limit again after a battery is said to have led to it."""
-    since_s = min((one.from_s for one in kept if _lacking(one, found)), default=np.inf)
-    return [one for one in kept if one.kind is not Kind.MOTOR_SATURATED or one.from_s < since_s]
-
-
 def _ending(context: Context, ends: Ending) -> str:
     """Whether the log ends in the air; empty if not or unknown."""
     end_s = context.duration_s
