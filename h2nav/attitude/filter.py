@@ -13,8 +13,11 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 
-# What a filter is told besides the samples.
-InputRecord = VehicleState | EarthField | SensorDelays | VelocityFix
+# What a filter is told besides the samples: what holds until the next of its kind, and what was
+# true at its own `t_us`.
+LastingInput = VehicleState | EarthField | SensorDelays
+TimedInput = VelocityFix
+InputRecord = LastingInput | TimedInput
 
 
 class FilterState(NamedTuple):
@@ -82,24 +85,38 @@ class AttitudeFilter(Protocol):
         """Continues exactly where `state` was taken; ValueError for another filter's state."""
 
 
-class IgnoresInputs:
-    """Inherited by filters that do without some of these records."""
+class TakesInputs:
+    """Inherited by what takes some kinds of these records alike, or ignores them."""
+
+    def take_input(self, what: InputRecord) -> None:
+        """Takes a record whose kind has no method of its own; ignored unless this is overridden."""
 
     def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Ignored; see `AttitudeFilter`."""
+        """See `AttitudeFilter`."""
+        self.take_input(vehicle)
+
+    def use_field(self, field: EarthField) -> None:
+        """See `AttitudeFilter`."""
+        self.take_input(field)
 
     def use_velocity(self, fix: VelocityFix) -> None:
-        """Ignored; see `AttitudeFilter`."""
+        """See `AttitudeFilter`."""
+        self.take_input(fix)
 
     def use_delays(self, delays: SensorDelays) -> None:
-        """Ignored; see `AttitudeFilter`."""
+        """See `AttitudeFilter`."""
+        self.take_input(delays)
+
+
+class IgnoresInputs(TakesInputs):
+    """Inherited by filters that do without some of these records, or without doubts."""
 
     def doubt(self, doubt: SensorDoubt) -> None:
         """Ignored; see `AttitudeFilter`."""
 
 
-def pass_on(chosen: AttitudeFilter, what: InputRecord) -> None:
-    """Passes a filter one record other than a sample."""
+def pass_on(chosen: AttitudeFilter | TakesInputs, what: InputRecord) -> None:
+    """Passes on one record other than a sample."""
     if isinstance(what, VelocityFix):
         chosen.use_velocity(what)
     elif isinstance(what, EarthField):

@@ -2,6 +2,9 @@
 
 Frames: ``b`` body (forward, right, down), ``n`` local NED with true north. SI and radians unless a
 suffix says otherwise. ``q_nb`` is Hamilton, scalar first, and takes body coordinates to NED.
+
+Each record that a filter is told besides samples says how it looks where time runs backward, apart
+from its own time (`backward`).
 """
 
 import math
@@ -31,6 +34,10 @@ class EarthField(NamedTuple):
     dip_rad: float  # inclination, positive down
     declination_rad: float  # magnetic north from true north, positive east
 
+    def backward(self) -> "EarthField":
+        """The same."""
+        return self
+
 
 class VehicleState(NamedTuple):
     """The autopilot's report of the vehicle, as far as filters use it."""
@@ -41,6 +48,10 @@ class VehicleState(NamedTuple):
     airspeed_m_s: float | None = None  # true airspeed along the nose; None when unknown or stale
     is_backward: bool = False  # time runs backward (a smoother's second run), and the nose trails
     is_armed: bool = False  # its motors may turn it, even on the ground
+
+    def backward(self) -> "VehicleState":
+        """The nose trails."""
+        return self._replace(is_backward=True)
 
 
 class VelocityFix(NamedTuple):
@@ -54,6 +65,11 @@ class VelocityFix(NamedTuple):
     removed_sigma_s: float = 0.0  # deviation of the delay that was found; 0: not known
     altitude_m: float = math.nan  # of the same place, above mean sea level; NaN if not measured
 
+    def backward(self) -> "VelocityFix":
+        """The opposite velocity."""
+        north, east, down = self.v_n
+        return self._replace(v_n=(-north, -east, -down))
+
 
 class SensorDelays(NamedTuple):
     """Delays of results from the sensors, relative to the time stamps of their messages."""
@@ -63,6 +79,10 @@ class SensorDelays(NamedTuple):
     # its sample. Negative: it is early.
     gyro_s: float = 0.0
     field_s: float = 0.0  # age of the field when its first sample arrives
+
+    def backward(self) -> "SensorDelays":
+        """The same."""
+        return self
 
 
 class SensorErrors(NamedTuple):

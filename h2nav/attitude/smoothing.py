@@ -8,7 +8,6 @@ future, weighted by the errors that each predicts.
 Equations: docs/filter.md.
 """
 
-import itertools
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,7 +16,7 @@ from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from h2nav.attitude.batch_driver import BatchSamples, Floats, Integers, Mask
-from h2nav.attitude.filter import AttitudeFilter, InputRecord, pass_on
+from h2nav.attitude.filter import AttitudeFilter, InputRecord, LastingInput, TimedInput, pass_on
 from h2nav.attitude.kernel_files import VELOCITY_AIDED
 from h2nav.attitude.native import compiled_step
 from h2nav.attitude.record import is_in_c
@@ -146,37 +145,32 @@ class KnowsSensors(Protocol):
         """
 
 
-Condition = TypeVar("Condition")
-Conditions = list[tuple[int, Condition]]
+Input = TypeVar("Input", bound=InputRecord)
+# Inputs with the number of the sample that each precedes.
+Placed = list[tuple[int, Input]]
 
 
 class _Piece(NamedTuple):
-    """Samples without a long gap, with the conditions and the number of the sample of each.
+    """Samples without a long gap, with the other inputs.
 
     Attributes:
         samples: in the run's order.
-        vehicles: states of the vehicle, each until the next one.
-        fields: earth fields; none before the first.
-        delays: of the sensors, the same.
-        fixes: velocities with the number of the sample that each precedes.
+        lasting: each until the next one of its kind; those of a kind are in order.
+        timed: in order.
     """
 
     samples: BatchSamples
-    vehicles: Conditions[VehicleState]
-    fields: Conditions[EarthField]
-    delays: Conditions[SensorDelays]
-    fixes: Conditions[VelocityFix]
+    lasting: Placed[LastingInput]
+    timed: Placed[TimedInput]
 
     @property
-    def inputs(self) -> Conditions[InputRecord]:
+    def inputs(self) -> Placed[InputRecord]:
         """All of them in the order in which a filter takes them."""
-        found: Conditions[InputRecord] = [
-            *_changes(self.vehicles),
-            *_changes(self.fields),
-            *_changes(self.delays),
-            *self.fixes,
-        ]
-        return sorted(found, key=lambda one: one[0])
+        return sorted((*_changes(self.lasting), *self.timed), key=lambda one: one[0])
+
+    def lasting_of(self, kind: type[Input]) -> Placed[Input]:
+        """Those of one kind."""
+        return [(row, what) for row, what in self.lasting if isinstance(what, kind)]
 
 
 class _Learnt(NamedTuple):
@@ -238,7 +232,7 @@ def smoothed(
         for piece in _pieces(given):
             try:
                 learnt = _learnt_from(first, piece, learnt)
-                found.append(_extrapolated(_smooth_piece(piece, make, learnt), piece.delays))
+                found.append(_extrapolated(_smooth_piece(piece, make, learnt), piece))
             except _FAILURES:
                 first = make()
                 left_out(len(piece.samples.t_us))
@@ -267,7 +261,7 @@ def _learnt_from(first: AttitudeFilter, piece: _Piece, learnt: _Learnt) -> _Lear
 def _smooth_piece(piece: _Piece, make: FilterMaker, learnt: _Learnt) -> Smoothed:
     """The second and the third run, combined."""
     samples = piece.samples
-    placed = piece._replace(fields=_known_from_the_start(piece.fields), delays=[])
+    placed = piece._replace(lasting=_known_from_the_start(piece))
     chosen = _prepared(make, piece, learnt)
     turned = _run(chosen, _reversed(_without(placed, learnt))).at(slice(None, None, -1))
     found = _of_samples(turned, samples, learnt.bias_b, -1.0)
@@ -340,9 +334,9 @@ def _shown(run: _Run, before_b: Vec3, *, is_backward: bool = False) -> Vec3:
     return x - hidden * north, y - hidden * east, z - hidden * down
 
 
-def _extrapolated(found: Smoothed, delays: Conditions[SensorDelays]) -> Smoothed:
+def _extrapolated(found: Smoothed, piece: _Piece) -> Smoothed:
     """The attitudes at their nominal times. Source: docs/filter.md Eq. (42)."""
-    late_s = np.zeros(len(found.t_us))
+    late_s, delays = np.zeros(len(found.t_us)), piece.lasting_of(SensorDelays)
     ends = [row for row, _ in delays[1:]]
     for (first, late), stop in zip(delays, [*ends, len(late_s)], strict=False):
         late_s[first:stop] = late.gyro_s
@@ -354,47 +348,36 @@ def _extrapolated(found: Smoothed, delays: Conditions[SensorDelays]) -> Smoothed
 
 
 def _pieces(given: Given) -> Iterator[_Piece]:
-    """A stretch, cut at its gaps; conditions from before a gap hold after it."""
+    """A stretch, cut at its gaps; what lasts holds after a gap, too."""
     t_us = given.samples.t_us
     inputs = iter(given.inputs)
     following = next(inputs, None)
-    vehicles: Conditions[VehicleState] = [(0, VehicleState())]
-    fields: Conditions[EarthField] = []
-    delays: Conditions[SensorDelays] = []
+    lasting: Placed[LastingInput] = [(0, VehicleState())]
     starts = [0, *(1 + np.flatnonzero(np.diff(t_us) > LONGEST_GAP_US)).tolist()]
     for start, stop in zip(starts, [*starts[1:], len(t_us)], strict=True):
         if start == stop:
             return
-        vehicles, fields, delays = _held(vehicles), _held(fields), _held(delays)
-        fixes: Conditions[VelocityFix] = []
+        # the last of each kind
+        lasting = [(0, what) for what in {type(what): what for _, what in lasting}.values()]
+        timed: Placed[TimedInput] = []
         row = 0
         while following is not None and following[0] < stop:
             row, what = max(row, following[0] - start), following[1]
-            if isinstance(what, VelocityFix):
-                fixes.append((row, what))
-            elif isinstance(what, EarthField):
-                fields.append((row, what))
-            elif isinstance(what, SensorDelays):
-                delays.append((row, what))
+            if isinstance(what, LastingInput):
+                lasting.append((row, what))
             else:
-                vehicles.append((row, what))
+                timed.append((row, what))
             following = next(inputs, None)
-        yield _Piece(given.samples.part(start, stop), vehicles, fields, delays, fixes)
+        yield _Piece(given.samples.part(start, stop), lasting, timed)
 
 
-def _held(conditions: Conditions[Condition]) -> Conditions[Condition]:
-    """What still holds at the beginning of the next piece."""
-    return [(0, what) for _, what in conditions[-1:]]
-
-
-def _changes(conditions: Conditions[Condition]) -> Conditions[Condition]:
-    """The last one of each row, if it differs from that before."""
-    found: Conditions[Condition] = []
-    ends = [row for row, _ in conditions[1:]]
-    for (row, what), end in itertools.zip_longest(conditions, ends):
-        if row != end and (not found or found[-1][1] != what):
-            found.append((row, what))
-    return found
+def _changes(lasting: Placed[LastingInput]) -> Iterator[tuple[int, LastingInput]]:
+    """The last one of each kind and row, if it differs from that before."""
+    before: dict[type, LastingInput] = {}
+    for (row, kind), what in {(row, type(what)): what for row, what in lasting}.items():
+        if before.get(kind) != what:
+            yield row, what
+        before[kind] = what
 
 
 def _run(chosen: AttitudeFilter, piece: _Piece) -> Smoothed:
@@ -467,9 +450,10 @@ def _update(chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | Non
     return None
 
 
-def _known_from_the_start(fields: Conditions[EarthField]) -> Conditions[EarthField]:
-    """Extends the first known earth field to the samples before it."""
-    return [(0, field) for _, field in fields[:1]] + fields[1:]
+def _known_from_the_start(piece: _Piece) -> Placed[LastingInput]:
+    """Without delays, and with the first known earth field also for the samples before it."""
+    first = [(0, field) for _, field in piece.lasting_of(EarthField)[:1]]
+    return [*first, *(one for one in piece.lasting if not isinstance(one[1], SensorDelays))]
 
 
 def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
@@ -491,10 +475,13 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
     rows = np.flatnonzero(is_new)
     m_b_ut[rows] = _timely(m_b_ut[rows], w_b[rows], errors.field_latency_s)
     late_us = round(errors.fix_latency_s * 1e6)
-    fixes = (fix._replace(t_us=fix.t_us - late_us) for _, fix in piece.fixes)
+    timed = (
+        what._replace(t_us=what.t_us - late_us) if isinstance(what, VelocityFix) else what
+        for _, what in piece.timed
+    )
     return piece._replace(
         samples=samples._replace(gyr=w_b, acc=f_b, mag=m_b_ut, has_field=is_new),
-        fixes=_placed(fixes, samples.t_us),
+        timed=_placed(timed, samples.t_us),
     )
 
 
@@ -509,12 +496,12 @@ def _timely(m_b_ut: Floats, w_b: Floats, late_s: float) -> Floats:
     return m_b_ut
 
 
-def _placed(fixes: Iterable[VelocityFix], t_us: Integers) -> Conditions[VelocityFix]:
-    """Fixes in the order of their times, each with the number of the sample that it precedes."""
+def _placed(timed: Iterable[TimedInput], t_us: Integers) -> Placed[TimedInput]:
+    """Inputs in the order of their times, each with the number of the sample that it precedes."""
     times_us = t_us.tolist()
     return [
-        (bisect_left(times_us, fix.t_us + FIX_DELAY_US) + 1, fix)
-        for fix in sorted(fixes, key=lambda fix: fix.t_us)
+        (bisect_left(times_us, what.t_us + FIX_DELAY_US) + 1, what)
+        for what in sorted(timed, key=lambda what: what.t_us)
     ]
 
 
@@ -522,8 +509,8 @@ def _reversed(piece: _Piece) -> _Piece:
     """A piece without biases and latencies with time reversed.
 
     Its times are mirrored about their middle. A rate is the mean since the previous sample;
-    reversed it leads to that one. Forces, fields and the earth stay as they are. Velocities change
-    their sign, and the nose trails.
+    reversed it leads to that one. Forces and fields stay as they are; each other input says how it
+    looks.
 
     Source: docs/filter.md Eq. (52), (53).
     """
@@ -533,23 +520,14 @@ def _reversed(piece: _Piece) -> _Piece:
     are_clipped = samples.clipped.copy()
     are_clipped[1:] |= samples.clipped[:-1]
     turned = samples._replace(t_us=ends_us - samples.t_us, gyr=-late, clipped=are_clipped)
-    fixes = []
-    for _, fix in piece.fixes:
-        north, east, down = fix.v_n
-        fixes.append(fix._replace(t_us=ends_us - fix.t_us, v_n=(-north, -east, -down)))
+    timed = (what.backward()._replace(t_us=ends_us - what.t_us) for _, what in piece.timed)
     count = len(samples.t_us)
-    vehicles = [
-        (row, what._replace(is_backward=True)) for row, what in _turned(piece.vehicles, count)
-    ]
-    fields, delays = _turned(piece.fields, count), _turned(piece.delays, count)
-    return _Piece(turned, vehicles, fields, delays, _placed(fixes, turned.t_us))
-
-
-def _turned(conditions: Conditions[Condition], count: int) -> Conditions[Condition]:
-    """Conditions in reversed time: each begins where it ended."""
-    ends = [*(row for row, _ in conditions[1:]), count]
-    found = [(count - end, what) for (_, what), end in zip(conditions, ends, strict=False)]
-    return found[::-1]
+    lasting: Placed[LastingInput] = []
+    ends: dict[type, int] = {}
+    for row, what in piece.lasting[::-1]:  # each begins where it ended
+        lasting.append((count - ends.get(type(what), count), what.backward()))
+        ends[type(what)] = row
+    return _Piece(turned, lasting, _placed(timed, turned.t_us))
 
 
 def _of_samples(found: Smoothed, samples: BatchSamples, bias_b: Vec3, direction: float) -> Smoothed:

@@ -125,16 +125,13 @@ def _limit_rad(earth: EarthField | None) -> float:
 class Compasses:
     """All compasses of a vehicle, by the number of their IMU, from 0.
 
-    Args:
-        field: the earth's; None if unknown.
-
     Attributes:
         wrong: compasses known to be wrong.
     """
 
-    def __init__(self, field: EarthField | None = None) -> None:
-        self._earth = field
-        self._limit_rad = _limit_rad(field)
+    def __init__(self) -> None:
+        self._earth: EarthField | None = None
+        self._limit_rad = _limit_rad(None)
         self.restart()
 
     def use_field(self, field: EarthField) -> None:

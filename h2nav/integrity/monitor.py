@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection
 from typing import NamedTuple
 
+from h2nav.attitude.filter import TakesInputs
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     EarthField,
@@ -91,7 +92,7 @@ class Speeds(NamedTuple):
     vertical_m_s: float = CLIMB_SPEED_M_S
 
 
-class Monitor:
+class Monitor(TakesInputs):
     """Monitors one filter and its IMU.
 
     For each sample: call `check`, pass the filter what `Use` allows, then `add` with the result

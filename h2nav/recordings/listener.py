@@ -3,21 +3,20 @@
 import math
 import struct
 from collections.abc import Callable
+from typing import get_args
 
 import numpy as np
 
 from h2nav.attitude.batch_driver import BatchSamples, Integers, Table
-from h2nav.attitude.filter import AttitudeFilter, FilterState, InputRecord, pass_on
-from h2nav.attitude.samples import (
-    AttitudeEstimate,
-    EarthField,
-    ImuSample,
-    SensorDelays,
-    SensorDoubt,
-    SensorErrors,
-    VehicleState,
-    VelocityFix,
+from h2nav.attitude.filter import (
+    AttitudeFilter,
+    FilterState,
+    InputRecord,
+    LastingInput,
+    TakesInputs,
+    pass_on,
 )
+from h2nav.attitude.samples import AttitudeEstimate, ImuSample, SensorDoubt, SensorErrors
 from h2nav.recordings.trials import FilterInput
 from h2nav.service.autopilot import Identity
 
@@ -77,7 +76,7 @@ class Stretch:
         return np.frombuffer(bytes(self._rows), _COLUMNS)
 
 
-class Listener:
+class Listener(TakesInputs):
     """Takes a filter's place in the service and records every input.
 
     Args:
@@ -100,9 +99,8 @@ class Listener:
         self._now_us = now_us or [0]
         self.stretches = [Stretch()]
         self.identity: Identity | None = None
-        self._vehicle: VehicleState | None = None
-        self._field: EarthField | None = None
-        self._delays: SensorDelays | None = None
+        # by kind
+        self._lasting: dict[type, LastingInput | None] = dict.fromkeys(get_args(LastingInput))
         self._make = make
         self._filter: AttitudeFilter | None = None
         self.others: list[Listener] = []
@@ -127,24 +125,13 @@ class Listener:
         self.stretches[-1].add(sample, self._now_us[0])
         return None if self._filter is None else self._filter.update(sample)
 
-    def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Records the vehicle's state."""
-        self._vehicle = vehicle
-        self._take(vehicle)
-
-    def use_field(self, field: EarthField) -> None:
-        """Records the earth field."""
-        self._field = field
-        self._take(field)
-
-    def use_velocity(self, fix: VelocityFix) -> None:
-        """Records a velocity."""
-        self._take(fix)
-
-    def use_delays(self, delays: SensorDelays) -> None:
-        """Records the sensors' delays."""
-        self._delays = delays
-        self._take(delays)
+    def take_input(self, what: InputRecord) -> None:
+        """Records any other input."""
+        if isinstance(what, LastingInput):
+            self._lasting[type(what)] = what
+        self._keep(what)
+        if self._filter is not None:
+            pass_on(self._filter, what)
 
     @property
     def sensor_errors(self) -> SensorErrors:
@@ -159,7 +146,7 @@ class Listener:
             self._filter.doubt(doubt)
 
     def restart(self) -> None:
-        """Begins a stretch; the last state, field and delays still hold."""
+        """Begins a stretch; what lasts still holds."""
         self._begin_stretch()
         if self._filter is not None:
             self._filter.restart()
@@ -173,7 +160,7 @@ class Listener:
     def _begin_stretch(self) -> None:
         if len(self.stretches[-1]):
             self.stretches.append(Stretch())
-            for what in (self._vehicle, self._field, self._delays):
+            for what in self._lasting.values():
                 if what is not None:
                     self._keep(what)
         self.stretches[-1].begin(self.identity)
@@ -184,11 +171,6 @@ class Listener:
 
     def restore(self, state: FilterState) -> None:
         """See `state`."""
-
-    def _take(self, what: InputRecord) -> None:
-        self._keep(what)
-        if self._filter is not None:
-            pass_on(self._filter, what)
 
     def _keep(self, what: InputRecord) -> None:
         stretch = self.stretches[-1]

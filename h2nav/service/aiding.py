@@ -168,7 +168,7 @@ class Aiding:
         if state == self._passed:
             return []
         self._passed = state
-        self._estimation.use_vehicle(state)
+        self._estimation.use(state)
         record = AidingRecord("vehicle", on_ground=state.on_ground, airspeed_m_s=state.airspeed_m_s)
         return [Record("/aiding", record)]
 
@@ -205,7 +205,7 @@ class Aiding:
         field = self._field.at(t_ns, place)
         if field is None:
             return []
-        self._estimation.use_field(field)
+        self._estimation.use(field)
         gravity_m_s2 = normal_gravity_m_s2(place.latitude_deg, place.altitude_m)
         self._estimation.use_gravity(gravity_m_s2)
         record = AidingRecord(
@@ -268,7 +268,7 @@ class Aiding:
     def _pass_velocity(self, t_ns: int, fix: VelocityFix | None) -> list[Effect]:
         if fix is None or not self._fixes.allows(t_ns):
             return []
-        self._estimation.use_velocity(fix)
+        self._estimation.use(fix)
         record = AidingRecord(
             "velocity", *fix.v_n, sigma_m_s=fix.sigma_m_s, independent=fix.independent
         )

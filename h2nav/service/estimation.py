@@ -8,14 +8,9 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from h2nav.attitude.filter import InputRecord, LastingInput
 from h2nav.attitude.lead import extrapolated
-from h2nav.attitude.samples import (
-    AttitudeEstimate,
-    EarthField,
-    ImuSample,
-    VehicleState,
-    VelocityFix,
-)
+from h2nav.attitude.samples import AttitudeEstimate, EarthField, ImuSample
 from h2nav.integrity.compasses import SAME_TIME_US, Compasses, Level
 from h2nav.integrity.field_voting import FieldVoting
 from h2nav.integrity.findings import Alarm
@@ -96,9 +91,8 @@ class Estimation:
         self._before_arming = before_arming
         self._lanes: tuple[Lane, ...] = ()
         self._sent: Lane | None = None
-        self._field: EarthField | None = None
+        self._lasting: dict[type, LastingInput] = {}  # by kind
         self._gravity_m_s2 = GRAVITY_M_S2
-        self._vehicle: VehicleState | None = None
         self._selection = LaneSelection()
         self._shaking = ReportedVibration()
         self._is_ardupilot = False
@@ -140,14 +134,12 @@ class Estimation:
         self._lender, self._without_compass = None, ()
         self._epoch_ns = None
         self._begin_epoch()
-        self._compasses = Compasses(self._field)
+        self._compasses = Compasses()
         self.routes.clear()
         for lane in self._lanes:
             lane.use_gravity(self._gravity_m_s2)
-            if self._field is not None:
-                lane.use_field(self._field)
-            if self._vehicle is not None:
-                lane.use_vehicle(self._vehicle)
+        for what in tuple(self._lasting.values()):
+            self.use(what)
 
     def _begin_epoch(self) -> None:
         self._newest: tuple[int, int] | None = None
@@ -385,30 +377,21 @@ class Estimation:
         """
         return min(lane.idle_until_ns(message_id) for lane in self._lanes)
 
-    def use_field(self, field: EarthField) -> None:
-        """Passes the earth field to every present and later filter."""
-        self._field = field
-        self._compasses.use_field(field)
-        self._before_arming.on_earth(field)
+    def use(self, what: InputRecord) -> None:
+        """Passes it to every filter, to later ones too if it lasts."""
+        if isinstance(what, LastingInput):
+            self._lasting[type(what)] = what
+        if isinstance(what, EarthField):
+            self._compasses.use_field(what)
+            self._before_arming.on_earth(what)
         for lane in self._lanes:
-            lane.use_field(field)
+            lane.use(what)
 
     def use_gravity(self, gravity_m_s2: float) -> None:
         """Passes the local gravity to every present and later lane."""
         self._gravity_m_s2 = gravity_m_s2
         for lane in self._lanes:
             lane.use_gravity(gravity_m_s2)
-
-    def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Passes the vehicle's state to every present and later filter."""
-        self._vehicle = vehicle
-        for lane in self._lanes:
-            lane.use_vehicle(vehicle)
-
-    def use_velocity(self, fix: VelocityFix) -> None:
-        """Passes a velocity on; a dependent one marks all later estimates as dependent."""
-        for lane in self._lanes:
-            lane.use_velocity(fix)
 
     def use_vibration(self, t_ns: int, vibration: Vibration) -> None:
         """Takes the autopilot's report of vibration and clipped samples."""

@@ -7,11 +7,10 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from h2nav.attitude.filter import AttitudeFilter
+from h2nav.attitude.filter import AttitudeFilter, InputRecord, pass_on
 from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
     AttitudeEstimate,
-    EarthField,
     ImuSample,
     Trust,
     Vec3,
@@ -381,8 +380,7 @@ class Lane:
             return ACCUSED if is_accused else NO_STEP
         ages, t_us = incoming.reading.ages, usable.t_us
         if self.timing.sampled(t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
-            self._filter.use_delays(self.timing.delays)
-            self._monitor.use_delays(self.timing.delays)
+            self.use(self.timing.delays)
         even = self._uneven.as_even(usable, self.timing.period_s)
         bias, known = self._bias, even
         if self._monitor.force_is_withheld:
@@ -440,23 +438,22 @@ class Lane:
 
     # --- what else is known -------------------------------------------------------------------
 
-    def use_field(self, field: EarthField) -> None:
-        """Passes the earth field on."""
-        self._filter.use_field(field)
-        self._monitor.use_field(field)
+    def use(self, what: InputRecord) -> None:
+        """Passes it on; a dependent velocity marks all later estimates as dependent."""
+        if isinstance(what, VelocityFix):
+            self._use_velocity(what)
+            return
+        if isinstance(what, VehicleState):
+            self._on_ground = what.on_ground is True
+        pass_on(self._filter, what)
+        pass_on(self._monitor, what)
 
     def use_gravity(self, gravity_m_s2: float) -> None:
         """Takes the local gravity."""
         self._gravity_m_s2 = gravity_m_s2
 
-    def use_vehicle(self, vehicle: VehicleState) -> None:
-        """Passes the vehicle's state on."""
-        self._on_ground = vehicle.on_ground is True
-        self._filter.use_vehicle(vehicle)
-        self._monitor.use_vehicle(vehicle)
-
-    def use_velocity(self, fix: VelocityFix) -> None:
-        """Passes a velocity on; a dependent one marks all later estimates as dependent."""
+    def _use_velocity(self, fix: VelocityFix) -> None:
+        """Has the monitor look at it first."""
         if self._intake.newest_us is not None:
             self._velocity_is_dependent |= not fix.independent
             fix = self._monitor.corrected(fix)

@@ -12,6 +12,10 @@ class HeadingFix(NamedTuple):
     heading_rad: float  # of the nose, from true north
     sigma_rad: float
 
+    def backward(self) -> "HeadingFix":
+        """The same."""
+        return self
+
 
 class SensorDelays(NamedTuple):
 ''',
@@ -20,8 +24,8 @@ class SensorDelays(NamedTuple):
     "h2nav/attitude/filter.py": (
         ("    EarthField,\n    ImuSample,\n", "    EarthField,\n    HeadingFix,\n    ImuSample,\n"),
         (
-            "InputRecord = VehicleState | EarthField | SensorDelays | VelocityFix\n",
-            "InputRecord = VehicleState | EarthField | SensorDelays | VelocityFix | HeadingFix\n",
+            "TimedInput = VelocityFix\n",
+            "TimedInput = VelocityFix | HeadingFix\n",
         ),
         (
             '        """Takes one velocity fix; filters without velocity aiding ignore it."""\n',
@@ -33,12 +37,13 @@ class SensorDelays(NamedTuple):
 ''',
         ),
         (
-            "class IgnoresInputs:\n",
+            "        self.take_input(fix)\n",
             '''\
-class IgnoresInputs:
-    def use_heading(self, fix: HeadingFix) -> None:
-        """Ignored; see `AttitudeFilter`."""
+        self.take_input(fix)
 
+    def use_heading(self, fix: HeadingFix) -> None:
+        """See `AttitudeFilter`."""
+        self.take_input(fix)
 ''',
         ),
         (
@@ -67,79 +72,6 @@ class IgnoresInputs:
 ''',
         ),
     ),
-    "h2nav/attitude/smoothing.py": (
-        ("    EarthField,\n    ImuSample,\n", "    EarthField,\n    HeadingFix,\n    ImuSample,\n"),
-        (
-            "    fixes: Conditions[VelocityFix]\n\n",
-            "    fixes: Conditions[VelocityFix]\n    headings: Conditions[HeadingFix]\n\n",
-        ),
-        ("            *self.fixes,\n", "            *self.fixes,\n            *self.headings,\n"),
-        (
-            "        fixes: Conditions[VelocityFix] = []\n",
-            """\
-        fixes: Conditions[VelocityFix] = []
-        headings: Conditions[HeadingFix] = []
-""",
-        ),
-        (
-            "            if isinstance(what, VelocityFix):\n",
-            """\
-            if isinstance(what, HeadingFix):
-                headings.append((row, what))
-            elif isinstance(what, VelocityFix):
-""",
-        ),
-        ("vehicles, fields, delays, fixes)\n", "vehicles, fields, delays, fixes, headings)\n"),
-        (
-            "    fields, delays = _turned(piece.fields, count), _turned(piece.delays, count)\n",
-            """\
-    headings = [
-        (count - row, what._replace(t_us=ends_us - what.t_us))
-        for row, what in reversed(piece.headings)
-    ]
-    fields, delays = _turned(piece.fields, count), _turned(piece.delays, count)
-""",
-        ),
-        ("_placed(fixes, turned.t_us))\n", "_placed(fixes, turned.t_us), headings)\n"),
-    ),
-    "h2nav/recordings/listener.py": (
-        ("    EarthField,\n    ImuSample,\n", "    EarthField,\n    HeadingFix,\n    ImuSample,\n"),
-        (
-            "    def use_delays(self, delays: SensorDelays) -> None:\n",
-            '''\
-    def use_heading(self, fix: HeadingFix) -> None:
-        """Records a heading."""
-        self._take(fix)
-
-    def use_delays(self, delays: SensorDelays) -> None:
-''',
-        ),
-    ),
-    "h2nav/service/lane.py": (
-        ("    EarthField,\n    ImuSample,\n", "    EarthField,\n    HeadingFix,\n    ImuSample,\n"),
-        (
-            "    def use_verdict(self,",
-            '''\
-    def use_heading(self, fix: HeadingFix) -> None:
-        """Passes a heading on."""
-        self._filter.use_heading(fix)
-
-    def use_verdict(self,''',
-        ),
-    ),
-    "h2nav/service/estimation.py": (
-        ("    EarthField,\n    ImuSample,\n", "    EarthField,\n    HeadingFix,\n    ImuSample,\n"),
-        (
-            "    def use_vibration(self,",
-            '''\
-    def use_heading(self, fix: HeadingFix) -> None:
-        """Passes a heading on."""
-        for lane in self._lanes:
-            lane.use_heading(fix)
-
-    def use_vibration(self,''',
-        ),
-    ),
     "h2nav/service/aiding.py": (
         (
             "import EarthField, VehicleState, VelocityFix\n",
@@ -151,7 +83,7 @@ class IgnoresInputs:
         if velocity is not None and math.hypot(*velocity.v_n[:2]) > FAST_M_S:
             north, east, _ = velocity.v_n
             course_rad = math.atan2(east, north)
-            self._estimation.use_heading(HeadingFix(velocity.t_us, course_rad, 0.1))
+            self._estimation.use(HeadingFix(velocity.t_us, course_rad, 0.1))
         if self._settings.gps_velocity:
 """,
         ),

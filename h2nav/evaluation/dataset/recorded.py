@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from h2nav.attitude.samples import EarthField, VelocityFix
+from h2nav.attitude.filter import LastingInput
+from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
 from h2nav.maths.rows import enu_from_ned, from_euler
 from h2nav.recordings.listener import Listener, Stretch
@@ -57,9 +58,9 @@ def trial_of(path: Path, listener: Listener, reference: Reference) -> Trial:
 
 
 def _on_clock_of_trial(given: FilterInput, start_us: int) -> FilterInput:
-    if isinstance(given.what, VelocityFix):
-        return given._replace(what=given.what._replace(t_us=given.what.t_us - start_us))
-    return given
+    if isinstance(given.what, LastingInput):
+        return given
+    return given._replace(what=given.what._replace(t_us=given.what.t_us - start_us))
 
 
 def _notes(listener: Listener, stretch: Stretch, pairs: Pairs) -> list[str]:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from h2nav.attitude.samples import EarthField, VelocityFix
+from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.service.aiding import (
     DEFAULT_SIGMA_M_S,
     Aiding,
@@ -104,8 +104,7 @@ def airspeeds_used(*told, altitude_m=0.0, is_fixed_wing=True, **settings):
         identity=SimpleNamespace(is_fixed_wing=is_fixed_wing), on_ground=False, is_armed=True
     )
     estimation = SimpleNamespace(
-        use_vehicle=lambda state: used.append(state.airspeed_m_s),
-        use_field=lambda field: None,
+        use=lambda what: used.append(what.airspeed_m_s) if isinstance(what, VehicleState) else None,
         use_gravity=lambda _: None,
     )
     aiding = Aiding(AidingSettings(**settings), field_of(), autopilot, estimation, None)

@@ -51,7 +51,7 @@ class Flight:
             BeforeArming(Notices(as_status_text=False).report),
         )
         self.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
-        self.estimation.use_vehicle(VehicleState(on_ground=False))
+        self.estimation.use(VehicleState(on_ground=False))
         self.sends = sends
         self.tick = 0
         self.highres_holds = 0
@@ -309,9 +309,9 @@ def test_a_message_that_repeats_the_first_imu_is_no_lane():
 def test_a_lane_that_recovers_takes_the_attitude_and_keeps_its_own_bias():
     flight = Flight()
     flight.biases = {HIGHRES: (0.02, 0.0, 0.0), RAW: (0.02, 0.0, 0.0)}
-    flight.estimation.use_vehicle(VehicleState(on_ground=True))
+    flight.estimation.use(VehicleState(on_ground=True))
     flight.run(30.0)
-    flight.estimation.use_vehicle(VehicleState(on_ground=False))
+    flight.estimation.use(VehicleState(on_ground=False))
     flight.run(10.0)
     flight.frozen = {HIGHRES, RAW}
     flight.run(20.0)
@@ -330,8 +330,8 @@ def test_what_was_known_before_reaches_the_filters_of_a_vehicle_that_comes_later
         listener.filter_for, AutopilotSettings(), BeforeArming(Notices(as_status_text=False).report)
     )
     field, vehicle = EarthField(50.0, 1.0, 0.1), VehicleState(on_ground=True)
-    estimation.use_field(field)
-    estimation.use_vehicle(vehicle)
+    estimation.use(field)
+    estimation.use(vehicle)
     estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
     filters = [listener, *listener.others]
     assert len(filters) == 3
@@ -425,7 +425,7 @@ def test_a_lane_that_a_short_fault_has_tilted_blames_no_sensor_that_is_sound_aga
         for _ in range(round(5 * seconds)):
             flight.run(0.2)
             t_us = START_US + flight.tick * 10_000
-            flight.estimation.use_velocity(VelocityFix(t_us, (0.0, 0.0, 0.0), 0.1))
+            flight.estimation.use(VelocityFix(t_us, (0.0, 0.0, 0.0), 0.1))
 
     hover(20.0)
     flight.biases[HIGHRES] = (0.0, 0.5, 0.0)
@@ -437,7 +437,7 @@ def test_a_lane_that_a_short_fault_has_tilted_blames_no_sensor_that_is_sound_aga
 
 def test_a_turn_of_one_field_may_be_that_of_gyro_or_compass_where_the_attitudes_agree():
     flight = Flight(sends=(HIGHRES, SECOND))
-    flight.estimation.use_field(EarthField(math.hypot(22.0, 42.0), math.atan2(-42.0, 22.0), 0.0))
+    flight.estimation.use(EarthField(math.hypot(22.0, 42.0), math.atan2(-42.0, 22.0), 0.0))
     flight.run(5.0)
     angle = math.radians(150.0)
     flight.fields[HIGHRES] = (22.0 * math.cos(angle), 22.0 * math.sin(angle), -42.0)

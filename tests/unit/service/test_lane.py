@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.attitude.filter import FilterState
 from h2nav.attitude.samples import (
     AttitudeEstimate,
+    EarthField,
     SensorCorrection,
     SensorDoubt,
     SensorErrors,
@@ -545,23 +546,23 @@ def fix(**how):
 
 
 def test_a_velocity_reaches_monitor_and_filter_after_the_first_sample(bench):
-    bench.lane.use_velocity(fix(independent=False))
+    bench.lane.use(fix(independent=False))
     assert bench.filter.named("use_velocity") == []
     assert bench.lane.dependent_source == ""
     bench.run()
-    bench.lane.use_velocity(fix())
+    bench.lane.use(fix())
     assert bench.filter.named("use_velocity") == [fix(removed_s=0.1)]
     assert bench.lane.dependent_source == ""
-    bench.lane.use_velocity(fix(independent=False))
+    bench.lane.use(fix(independent=False))
     assert bench.lane.dependent_source == "its velocity"
-    bench.lane.use_velocity(fix())
+    bench.lane.use(fix())
     assert bench.lane.dependent_source == "its velocity"  # it is in the state
 
 
 def test_a_velocity_that_is_false_reaches_no_filter(bench):
     bench.run()
     bench.monitor.velocity_is_false = True
-    bench.lane.use_velocity(fix())
+    bench.lane.use(fix())
     assert len(bench.monitor.named("fix")) == 1
     assert bench.filter.named("use_velocity") == []
 
@@ -571,7 +572,7 @@ def test_a_doubt_reaches_the_filter_and_what_is_found_corrects_later_samples(ben
     bench.run()
     found = SensorCorrection((0.01, 0.0, 0.0), (0.0, 0.5, 0.0), ZERO, ZERO, (0.0, 0.0), 0.1, 0.1)
     bench.monitor.doubt = SensorDoubt(correction=found if is_corrected else None)
-    bench.lane.use_velocity(fix())
+    bench.lane.use(fix())
     assert bench.filter.named("doubt") == [bench.monitor.doubt]
     step = bench.take()
     given = bench.filter.named("update")[-1]
@@ -595,7 +596,7 @@ def test_a_doubt_reaches_the_filter_and_what_is_found_corrects_later_samples(ben
     ],
 )
 def test_the_size_of_the_force_at_rest_shows_its_bias(bench, on_ground, trust, clipped, learns):
-    bench.lane.use_vehicle(VehicleState(on_ground=on_ground))
+    bench.lane.use(VehicleState(on_ground=on_ground))
     bench.lane.use_gravity(9.80)
     bench.filter.trust = trust
     for _ in range(3000):
@@ -630,9 +631,9 @@ def test_a_lane_that_has_no_other_aligns(monkeypatch, has_other):
 
 
 def test_field_and_vehicle_reach_filter_and_monitor(bench):
-    field, vehicle = object(), VehicleState(on_ground=False)
-    bench.lane.use_field(field)
-    bench.lane.use_vehicle(vehicle)
+    field, vehicle = EarthField(50.0, 1.1, 0.05), VehicleState(on_ground=False)
+    bench.lane.use(field)
+    bench.lane.use(vehicle)
     for told in (bench.filter, bench.monitor):
         assert ("use_field", field) in told.calls
         assert ("use_vehicle", vehicle) in told.calls
