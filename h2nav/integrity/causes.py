@@ -18,7 +18,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorCorrection, SensorDoubt, Vec3
-from h2nav.integrity.correction import WindowErrors, attitude, mixed
+from h2nav.integrity.correction import FAILED_RATE_RAD_S, WindowErrors, attitude, mixed
 from h2nav.integrity.likelihood import HypothesisFit, mean
 from h2nav.integrity.velocity_model import (
     FORCE,
@@ -36,9 +36,7 @@ from h2nav.integrity.velocity_windows import Level
 from h2nav.maths.quaternion import Quat, conjugate, exp, log, multiply, rotate, tilt_and_heading
 from h2nav.maths.units import DEG
 
-# Sizes of failures: gyros step by 1 deg/s with temperature and knocks, accelerometers by their data
-# sheet's 60 mg; a heading may be any.
-FAILED_RATE_RAD_S = 1.5 * DEG
+# Size of a failure: accelerometers step by their data sheet's 60 mg; a heading may be any.
 FAILED_FORCE_M_S2 = 0.6
 FAILED_HEADING_RAD = 60.0 * DEG
 FAILED_TILT_RAD = 5.0 * DEG

@@ -20,6 +20,7 @@ from h2nav.service.autopilot import Autopilot
 from h2nav.service.effects import Effect, Record
 from h2nav.service.estimation import Estimation
 from h2nav.service.limits import RateLimit, Steady
+from h2nav.service.motion_clock import SAME_CLOCK_US
 from h2nav.service.records import AidingRecord
 from h2nav.service.settings import AidingSettings, NorthSettings
 from h2nav.wire.position import (
@@ -40,7 +41,6 @@ EarthFieldAt = Callable[[float, float, float, float], EarthField | None]
 
 WORST_SIGMA_M_S = 3.0
 STALE_AIRSPEED_NS = 2 * SECOND_NS
-SAME_CLOCK_US = 2_000_000
 FIELD_STEP_DEG = 0.5
 NOWHERE_DEG = 0.01
 # A distant place must be the only one received for this long before the field follows.

@@ -9,12 +9,11 @@ from h2nav.service.field_source import CALIBRATED_ID, FieldSource
 from h2nav.service.health import Objection
 from h2nav.service.imu_choice import FOREVER_NS, ImuChoice, LaneMessages
 from h2nav.service.imu_identity import ANYONES_ID, FIRST_ID, ImuIdentity, Shown
-from h2nav.service.sample_clock import SampleClock, TimeVerdict
+from h2nav.service.sample_clock import NEXT, SampleClock, TimeVerdict
 from h2nav.wire.imu import IMU_MESSAGES, NUMBERED_IDS, ImuMessage, ImuReading
 
 # Two clocks under one identity are an objection for this long.
 CONTESTED_NS = 5 * SECOND_NS
-NEXT = TimeVerdict.NEXT
 TELLING_IDS = frozenset({ANYONES_ID, FIRST_ID})
 NEW_EPOCHS = (TimeVerdict.REBOOT, TimeVerdict.NEW_EPOCH)
 

@@ -6,13 +6,14 @@ quickest message of some seconds also gives a clock's offset to the host.
 
 from enum import Enum
 
+from h2nav.service.sample_clock import UINT32
+
 FOLLOWED_NS = 5_000_000_000
 SAME_CLOCK_US = 2_000_000
 # A message on this host's UNIX clock arrives within this time, and hardly before its time stamp.
 HOST_LATE_US = 1_000_000
 HOST_EARLY_US = 20_000
 STRAYS = 10
-UINT32 = 1 << 32
 
 
 class LeastDelay:
