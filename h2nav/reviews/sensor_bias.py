@@ -142,7 +142,6 @@ def _of_imu(
         GYRO_LIMIT_RAD_S,
         rest_s[rested],
         norms[rested],
-        FORCE_LIMIT_M_S2,
     )
     sure = ~rough
     found = _large(imu, centres[sure], bias[sure])

@@ -84,7 +84,6 @@ class Bias(NamedTuple):
     gyro_limit: float  # of a data sheet, rad/s
     force_t_s: Array  # (M,) times at rest
     force_norm: Array  # (M,) norm of the specific force at rest, m/s^2
-    force_limit: float  # of its difference to gravity by a data sheet, m/s^2
 
 
 class TimingTrack(NamedTuple):
