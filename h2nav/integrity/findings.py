@@ -219,7 +219,6 @@ class Findings:
 
     Attributes:
         alarms: present alarms.
-        omitted: findings not kept, because there were too many.
     """
 
     def __init__(self) -> None:
@@ -228,7 +227,6 @@ class Findings:
         self._open: frozenset[int] = frozenset()
         self._counts: dict[str, int] = {}
         self.alarms: tuple[Alarm, ...] = ()
-        self.omitted = 0
 
     @property
     def all(self) -> tuple[Finding, ...]:
@@ -301,7 +299,6 @@ class Findings:
             self._entries[known].extend(t_s, alarm)
             return known
         if len(self._entries) == MAX_FINDINGS:
-            self.omitted += 1
             return None
         place, key = len(self._entries), (alarm.kind, alarm.sensor)
         opposed = [
