@@ -31,7 +31,6 @@ class TlogReader:
     Attributes:
         position: bytes returned so far.
         damaged_bytes: bytes outside sound entries.
-        damaged_stretches: number of runs of such bytes.
         corrected_times: times replaced because they did not fit between their neighbours'.
         clock_steps_back: how often the recorder's clock was set back; time stands still there.
         clock_steps_forward: how often it was set by more than a day; time stands still there.
@@ -45,7 +44,7 @@ class TlogReader:
         self._last_us = 0
         self._shift_us = 0
         self.position = 0
-        self.damaged_bytes = self.damaged_stretches = 0
+        self.damaged_bytes = 0
         self.corrected_times = self.clock_steps_back = self.clock_steps_forward = 0
 
     def batches(self) -> Iterator[Arrivals]:
@@ -100,7 +99,6 @@ class TlogReader:
         end = seen.end_of_sound(at)
         if end:
             return at + TIME_SIZE, end, self._time(end)
-        self.damaged_stretches += 1
         known = len(self._buffer) if self._ended else len(self._buffer) - _NEED // 2
         end = min(seen.next_sound(at), max(known, at + 1))
         self.damaged_bytes += end - at

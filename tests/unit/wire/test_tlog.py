@@ -89,7 +89,6 @@ def test_garbage_between_entries_is_counted_and_costs_nothing() -> None:
     data = b"".join(part + dirt for part, dirt in zip(parts, garbage, strict=True))
     assert intact_frames(data) == COUNT
     _, reader = read(data)
-    assert reader.damaged_stretches > 0
     assert reader.damaged_bytes >= sum(map(len, garbage))
 
 
