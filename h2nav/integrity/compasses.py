@@ -113,10 +113,8 @@ class _Pair:
         return abs(cmath.phase(self.turn.direction))
 
 
-def _limit_rad(earth: EarthField | None) -> float:
+def _limit_rad(earth: EarthField) -> float:
     """The largest difference of two calibrated compasses."""
-    if earth is None:
-        return USUAL_APART_RAD
     level = max(math.cos(earth.dip_rad), UNCALIBRATED)
     limit = SIGMAS * math.sqrt(2.0) * UNCALIBRATED / level
     return min(max(limit, MIN_APART_RAD), MAX_APART_RAD)
@@ -131,21 +129,17 @@ class Compasses:
 
     def __init__(self) -> None:
         self._earth: EarthField | None = None
-        self._limit_rad = _limit_rad(None)
-        self.restart()
-
-    def use_field(self, field: EarthField) -> None:
-        """Takes the earth's field."""
-        self._earth = field
-        self._limit_rad = _limit_rad(field)
-
-    def restart(self) -> None:
-        """Restarts for another vehicle, or another clock."""
+        self._limit_rad = USUAL_APART_RAD
         self._compasses: dict[int, _Compass] = {}
         self._pairs: dict[tuple[int, int], _Pair] = {}
         self._t_us = 0
         self.wrong: frozenset[int] = frozenset()
         self._open: list[tuple[int, int]] = []
+
+    def use_field(self, field: EarthField) -> None:
+        """Takes the earth's field."""
+        self._earth = field
+        self._limit_rad = _limit_rad(field)
 
     def look(
         self,

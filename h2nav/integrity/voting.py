@@ -60,10 +60,6 @@ class Voting:
     """The votes of all IMUs of a vehicle, by their numbers, from 0."""
 
     def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        """Restarts for another vehicle, or another clock."""
         self._imus: dict[int, ImuWindows] = {}
         self._pairs: dict[tuple[InertialSensor, int, int], SensorPair] = {}
         self._wrong: dict[tuple[InertialSensor, int], int] = {}  # and when it was named
