@@ -339,7 +339,7 @@ def made_analysis(flight, seed=4):
         compasses=(fit,),
         biases=tuple(
             Bias(imu, t_s, np.column_stack([0.2 * DEG * np.sin(0.002 * t_s + k) for k in range(3)]),
-                 1.0 * DEG, np.array([2.0, 4.0]), np.array([9.81, 9.8]), 0.5)
+                 1.0 * DEG, np.array([2.0, 4.0]), np.array([9.81, 9.8]))
             for imu in imus
         ),
         timings=tuple(
