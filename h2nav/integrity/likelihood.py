@@ -12,6 +12,7 @@ from array import array
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from operator import mul
+from types import ModuleType
 from typing import NamedTuple
 
 from h2nav.attitude.native import compiled_or
@@ -28,6 +29,7 @@ class HypothesisFit(NamedTuple):
     # its logarithm, up to a constant shared by all hypotheses of the same noise
     likelihood: float = 0.0
     sigmas: "array[float]" = NOTHING  # prior deviations of the unknowns
+    sums: ModuleType = normal_equations  # that made it: compiled, or in Python
 
     @property
     def explained(self) -> float:
@@ -37,12 +39,12 @@ class HypothesisFit(NamedTuple):
     def unknowns(self) -> list[float]:
         """The most probable ones."""
         found = _numbers(len(self.forward))
-        compiled_or(normal_equations).unknowns(self.root, self.forward, self.sigmas, found)
+        self.sums.unknowns(self.root, self.forward, self.sigmas, found)
         return found.tolist()
 
     def covariance(self, places: Sequence[int]) -> list[list[float]]:
         """The covariance of some unknowns."""
-        sums, count = compiled_or(normal_equations), len(self.forward)
+        sums, count = self.sums, len(self.forward)
         solved, found = _numbers(len(places) * count), _numbers(len(places) ** 2)
         sums.spread(self.root, self.sigmas, bytes(places), solved)
         sums.products(solved, solved, count, 0, found)
@@ -85,7 +87,7 @@ class LinearModel:
         prior, count = array("d", sigmas), len(sigmas)
         root, forward = _numbers(count * (count + 1) // 2), _numbers(count)
         likelihood = self._sums.fit(self._products, self._right, prior, root, forward)
-        return HypothesisFit(root, forward, likelihood, prior)
+        return HypothesisFit(root, forward, likelihood, prior, self._sums)
 
     def since(self, begun: int, shapes: Sequence[Sequence[float]]) -> "Since":
         """Further unknowns that begin with a row, by their columns from there on."""
@@ -134,7 +136,6 @@ class Since:
     """
 
     def __init__(self, crossed: "array[float]", own: "array[float]", right: "array[float]") -> None:
-        self._sums = compiled_or(normal_equations)
         self._further = crossed, own, right
 
     def fit(self, base: HypothesisFit, places: Sequence[int], sigma: float) -> HypothesisFit:
@@ -145,11 +146,11 @@ class Since:
         known, count = len(base.forward), len(base.forward) + len(places)
         root = base.root + _numbers(count * (count + 1) // 2 - len(base.root))
         forward = base.forward + _numbers(count - known)
-        likelihood = self._sums.extend(
+        likelihood = base.sums.extend(
             (base.sigmas, base.likelihood), self._further, bytes(places), sigma, (root, forward)
         )
         sigmas = base.sigmas + array("d", [sigma] * len(places))
-        return HypothesisFit(root, forward, likelihood, sigmas)
+        return HypothesisFit(root, forward, likelihood, sigmas, base.sums)
 
 
 def _numbers(count: int) -> "array[float]":
