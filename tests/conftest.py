@@ -18,6 +18,12 @@ def pytest_xdist_auto_num_workers() -> int:
     return cores + cores // 2
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with long tests come first, so that none of these is left alone at the end."""
+    long = {item.path for item in items if item.get_closest_marker("thorough") is not None}
+    items.sort(key=lambda item: item.path not in long)
+
+
 def pytest_collection() -> None:
     """Six thousand tests are made of what stays: it need not be searched for garbage."""
     gc.disable()

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 from needs import shared_data
-from replayed import Replayed
+from replayed import QuicklyReplayed, Replayed
 
 from h2nav.apps.configuration import Configuration, FilterSettings
 from h2nav.integrity.findings import Kind, Severity
@@ -26,7 +26,7 @@ def test_the_default_filter_is_as_good_as_promised(flight, aiding):
         ("magnet_vibration", False): (4.5, 1.0),
     }[flight, aiding.gps_velocity]
     path = shared_data(f"flights/{flight}.tlog")
-    errors = Replayed(path, Configuration(aiding=aiding)).errors()
+    errors = QuicklyReplayed(path, Configuration(aiding=aiding)).errors()
     assert errors.total <= total
     assert errors.tilt <= tilt
 
@@ -47,14 +47,14 @@ def test_a_boot_stream_with_text_in_it(arithmetic):
 def test_raw_imu_serves_as_well_as_highres():
     raw = dataclasses.replace(Configuration().autopilot, imu_message="RAW_IMU")
     path = shared_data("flights/calm.tlog")
-    errors = Replayed(path, Configuration(autopilot=raw)).errors()
+    errors = QuicklyReplayed(path, Configuration(autopilot=raw)).errors()
     assert errors.tilt <= 0.2
     assert errors.total <= 0.6
 
 
 def test_a_failing_imu_is_left_for_the_second_one():
     """deg; EKF3 with two lanes: .39. One IMU alone, whose sensors fail in turn: 9 to 18."""
-    replayed = Replayed(shared_data("flights/imu_1_fails.tlog"), Configuration())
+    replayed = QuicklyReplayed(shared_data("flights/imu_1_fails.tlog"), Configuration())
     assert replayed.errors(skip_s=60.0).total <= 0.5
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert switches == ["IMU 2 instead of 1: accelerometer is frozen"]
@@ -62,7 +62,7 @@ def test_a_failing_imu_is_left_for_the_second_one():
 
 def test_a_compass_with_hard_iron_is_left_for_the_second_one():
     """deg; EKF3: .43."""
-    replayed = Replayed(shared_data("flights/compass_1_hard_iron.tlog"), Configuration())
+    replayed = QuicklyReplayed(shared_data("flights/compass_1_hard_iron.tlog"), Configuration())
     assert replayed.errors(skip_s=60.0).total <= 0.5
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert switches == ["IMU 2 instead of 1: its compass is off"]
@@ -70,21 +70,21 @@ def test_a_compass_with_hard_iron_is_left_for_the_second_one():
 
 def test_a_compass_that_is_turned_is_named_as_the_cause():
     """Its gyro contradicts the field first, although it measures what the other two do."""
-    replayed = Replayed(shared_data("flights/compass_1_turned.tlog"), Configuration())
+    replayed = QuicklyReplayed(shared_data("flights/compass_1_turned.tlog"), Configuration())
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert [text.rpartition(": ")[2] for text in switches[:1]] == ["its compass is off"]
     assert not any("stuck" in text for _, text in replayed.notices)
 
 
 def test_a_bias_that_both_gyros_get_is_not_put_on_a_compass():
-    replayed = Replayed(shared_data("flights/bias_steps.tlog"), Configuration())
+    replayed = QuicklyReplayed(shared_data("flights/bias_steps.tlog"), Configuration())
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert not any("compass" in text for text in switches)
 
 
 def test_a_rover_whose_integers_repeat_has_sound_sensors():
     """deg; EKF3: .17 of tilt."""
-    replayed = Replayed(shared_data("flights/rover_raw.tlog"), Configuration())
+    replayed = QuicklyReplayed(shared_data("flights/rover_raw.tlog"), Configuration())
     assert replayed.errors(skip_s=60.0).tilt <= 0.3
     assert replayed.pipeline.service.rejected.get("frozen", 0) == 0
     assert [f for f in replayed.pipeline.service.findings if f.severity <= Severity.WARNING] == []
@@ -92,7 +92,7 @@ def test_a_rover_whose_integers_repeat_has_sound_sensors():
 
 def test_an_imu_that_vibrates_is_left_for_a_calm_one():
     """deg; EKF3: .51 of tilt. The noise begins 96.2 s after the first message."""
-    replayed = Replayed(shared_data("flights/imu_1_vibrates.tlog"), Configuration())
+    replayed = QuicklyReplayed(shared_data("flights/imu_1_vibrates.tlog"), Configuration())
     (switch,) = [text for _, text in replayed.notices if "instead of" in text]
     assert switch.endswith("instead of 1: it vibrates")
     found = {

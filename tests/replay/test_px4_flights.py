@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from needs import shared_data
-from replayed import Replayed
+from replayed import QuicklyReplayed
 
 from h2nav.apps.configuration import Configuration
 from h2nav.maths.attitude_errors import errors, root_mean_square
@@ -15,7 +15,7 @@ from h2nav.maths.rows import from_euler
 pytestmark = pytest.mark.thorough
 
 
-def total_deg(replayed: Replayed, truth: Path) -> float:
+def total_deg(replayed: QuicklyReplayed, truth: Path) -> float:
     """Rms angle of the whole error of the estimates that have a truth within a sample of it."""
     rows = np.genfromtxt(truth, delimiter=",", skip_header=1, usecols=range(5))
     ours = np.array([(r.t_us, r.roll_deg, r.pitch_deg, r.yaw_deg) for r in replayed.estimates])
@@ -33,7 +33,7 @@ def test_a_hard_iron_that_px4_has_calibrated_away_is_none(imu_message, most_deg)
     chosen = Configuration()
     autopilot = dataclasses.replace(chosen.autopilot, imu_message=imu_message)
     recording = shared_data("flights/px4_hard_iron.tlog")
-    replayed = Replayed(recording, dataclasses.replace(chosen, autopilot=autopilot))
+    replayed = QuicklyReplayed(recording, dataclasses.replace(chosen, autopilot=autopilot))
     truth = shared_data("flights/px4_hard_iron_truth.csv")
     assert 0.5 * most_deg < total_deg(replayed, truth) < most_deg
     is_alone = imu_message == "SCALED_IMU"

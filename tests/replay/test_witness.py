@@ -2,7 +2,7 @@
 
 import pytest
 from needs import shared_data
-from replayed import Replayed
+from replayed import QuicklyReplayed
 
 from h2nav.apps.configuration import Configuration
 from h2nav.integrity.findings import Findings
@@ -12,7 +12,7 @@ from h2nav.integrity.witness import AttitudeSource
 pytestmark = pytest.mark.thorough
 
 
-class Watched(Replayed):
+class Watched(QuicklyReplayed):
     """Keeps what the witness found, and the alarms that were new."""
 
     def __init__(self, flight):
