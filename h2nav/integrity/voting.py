@@ -4,12 +4,12 @@ Of three, the one that both others contradict (`sensor_pairs`) is named; of two,
 attitude contradicts velocity or field.
 """
 
-import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, Vec3
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_pairs import (
     EXPLAINED,
     SHEETS,
@@ -36,14 +36,26 @@ UNDECIDED_US = 2_000_000
 # many looks a single one fails by chance, but not for so long.
 PLAIN = 2.0
 SHOWN_US = 2_000_000
+Ratios = tuple[float, ...]
+UNTESTED = InnovationRatios()
+EXCUSED: Ratios = (0.0, 0.0, 0.0)  # by something that is known
 
 
 class Suspicion(NamedTuple):
-    """What contradicts a lane's attitude: test ratios, failing above 1; NaN where unknown."""
+    """What contradicts a lane's attitude."""
 
-    velocity: float = math.nan  # force against velocity
-    turn: float = math.nan  # gyro against field
+    ratios: InnovationRatios = UNTESTED
     force_is_wrong: bool = False  # by its size, see `force_size`
+
+    @property
+    def of_velocity(self) -> Ratios:
+        """Force against velocity, window by window."""
+        return self.ratios.velocity_1s, self.ratios.velocity_3s, self.ratios.velocity_10s
+
+    @property
+    def of_turn(self) -> Ratios:
+        """Gyro against field, window by window."""
+        return self.ratios.turn_1s, self.ratios.turn_10s
 
 
 class Verdict(NamedTuple):
@@ -191,9 +203,9 @@ class Voting:
                 return numbers[place]
         of = [suspicions.get(number, Suspicion()) for number in numbers]
         if part is InertialSensor.GYRO:
-            ratios = of[0].turn, of[1].turn
-            if _worse(*ratios) is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
-                ratios = of[0].velocity, of[1].velocity
+            worse = _worse(of[0].of_turn, of[1].of_turn)
+            if worse is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
+                worse = _worse(of[0].of_velocity, of[1].of_velocity)
         else:
             by_size = [one.force_is_wrong for one in of]
             if by_size[0] != by_size[1]:
@@ -204,24 +216,26 @@ class Voting:
             if not any(wrong) and not self._has_agreed(InertialSensor.GYRO, numbers):
                 return None
             first, second = (
-                0.0 if is_wrong else one.velocity for is_wrong, one in zip(wrong, of, strict=True)
+                EXCUSED if is_wrong else one.of_velocity
+                for is_wrong, one in zip(wrong, of, strict=True)
             )
-            ratios = first, second
-        return self._shown_for_long(part, numbers, ratios)
+            worse = _worse(first, second)
+        return self._shown_for_long(part, numbers, worse)
 
     def _shown_for_long(
-        self, part: InertialSensor, numbers: tuple[int, int], ratios: tuple[float, float]
+        self, part: InertialSensor, numbers: tuple[int, int], worse: tuple[int, float] | None
     ) -> int | None:
         """Which of two fails, if it does so plainly, or for `SHOWN_US`."""
-        key, place = (part, *numbers), _worse(*ratios)
-        if place is None:
+        key = part, *numbers
+        if worse is None:
             self._shown.pop(key, None)
             return None
+        place, ratio = worse
         before, since_us = self._shown.get(key, (place, self._t_us))
         if before != place:
             since_us = self._t_us
         self._shown[key] = place, since_us
-        is_plain = ratios[place] >= PLAIN
+        is_plain = ratio >= PLAIN
         return numbers[place] if is_plain or self._t_us - since_us >= SHOWN_US else None
 
     def verdict(self, imu: int) -> Verdict:
@@ -370,10 +384,16 @@ def _heard(pairs: Mapping[tuple[int, int], SensorPair], number: int) -> Vec3:
     return (x, y, z) if first == number else (-x, -y, -z)
 
 
-def _worse(first: float, second: float) -> int | None:
-    """Which of two test ratios fails while the other is sound."""
-    if first > 1.0 and second < SOUND:
-        return 0
-    if second > 1.0 and first < SOUND:
-        return 1
+def _worse(first: Ratios, second: Ratios) -> tuple[int, float] | None:
+    """Which of two fails a test while the other fails none, and by what ratio.
+
+    What scatters in a window does so in that of the other, too: only of the same one the other has
+    to be sound.
+    """
+    for place, mine, others in ((0, first, second), (1, second, first)):
+        if any(other > 1.0 for other in others):
+            continue
+        failed = [a for a, b in zip(mine, others, strict=True) if a > 1.0 and b < SOUND]
+        if failed:
+            return place, max(failed)
     return None

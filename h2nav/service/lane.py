@@ -79,12 +79,10 @@ class _Rated(NamedTuple):
     of: InnovationRatios
     inertial: float
     field: float
-    suspicion: Suspicion
 
 
 def _rated(ratios: InnovationRatios) -> _Rated:
-    suspicion = Suspicion(ratios.of_velocity, ratios.of_turn)
-    return _Rated(ratios, ratios.of_inertial, ratios.of_field, suspicion)
+    return _Rated(ratios, ratios.of_inertial, ratios.of_field)
 
 
 NO_STEP = Step()
@@ -320,8 +318,7 @@ class Lane:
     @property
     def suspicion(self) -> Suspicion:
         """What contradicts its attitude."""
-        found = self._worst_ratios.suspicion
-        return found._replace(force_is_wrong=self._monitor.force_error is not None)
+        return Suspicion(self._monitor.ratios, self._monitor.force_error is not None)
 
     @property
     def _worst_ratios(self) -> "_Rated":

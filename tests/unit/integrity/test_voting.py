@@ -10,6 +10,7 @@ from lanes import few
 from h2nav.attitude.samples import ImuSample
 from h2nav.integrity.field_voting import FieldVoting
 from h2nav.integrity.findings import Kind
+from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_pairs import HEARING_US, InertialSensor
 from h2nav.integrity.voting import Suspicion, Voting
 from h2nav.maths.units import DEG, GRAVITY_M_S2
@@ -109,6 +110,12 @@ def skewed(angle):
 
 def late(seconds):
     return lambda _v, t_s: rate(t_s - seconds)
+
+
+def suspected(velocity=math.nan, turn=math.nan, *, in_1s=math.nan, force_is_wrong=False):
+    """What contradicts an attitude over 10 s, and over 1 s."""
+    ratios = InnovationRatios(velocity_1s=in_1s, velocity_10s=velocity, turn_10s=turn)
+    return Suspicion(ratios, force_is_wrong)
 
 
 def fly(imus, end_s, suspicions=None, begin_s=0.0, voting=None, excluded=lambda t_s: NOBODY):
@@ -248,7 +255,7 @@ def test_of_a_scale_no_zero_is_learnt(monkeypatch):
         return scaled(1.25 if t_s < FAULT_S + 60.0 else 1.0)(w, t_s)
 
     imus = [Imu(1, gyro_fault=scaled_for_a_while), Imu(2)]
-    fly(imus, FAULT_S + 90.0, {0: Suspicion(turn=3.0), 1: Suspicion(0.1, 0.1)}, voting=Heard())
+    fly(imus, FAULT_S + 90.0, {0: suspected(turn=3.0), 1: suspected(0.1, 0.1)}, voting=Heard())
     assert moved
     assert max(math.hypot(*each) for each in moved) < 0.1 * DEG
 
@@ -265,25 +272,32 @@ def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
 @pytest.mark.parametrize(
     ("faults", "suspicions", "kind", "number"),
     [
-        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(turn=2.0), Kind.GYRO_BIAS_STEP, 1),
-        ({"gyro_fault": off(0.0, 0.0, 0.1)}, Suspicion(velocity=2.0), Kind.GYRO_BIAS_STEP, 1),
-        ({"force_fault": off(3.0, 0.0, 0.0)}, Suspicion(2.0), Kind.ACCELEROMETER_BIAS_STEP, 1),
+        ({"gyro_fault": off(0.0, 0.0, 0.1)}, suspected(turn=2.0), Kind.GYRO_BIAS_STEP, 1),
+        ({"gyro_fault": off(0.0, 0.0, 0.1)}, suspected(velocity=2.0), Kind.GYRO_BIAS_STEP, 1),
+        ({"force_fault": off(3.0, 0.0, 0.0)}, suspected(2.0), Kind.ACCELEROMETER_BIAS_STEP, 1),
     ],
 )
 def test_of_two_the_one_whose_attitude_is_contradicted_is_named(faults, suspicions, kind, number):
     told, _ = fly(
-        [Imu(1, **faults), Imu(2)], FAULT_S + 6.0, {0: suspicions, 1: Suspicion(0.1, 0.1)}
+        [Imu(1, **faults), Imu(2)], FAULT_S + 6.0, {0: suspicions, 1: suspected(0.1, 0.1)}
     )
     ((t_s, alarm),) = told
     assert t_s < FAULT_S + 2.0
     assert (alarm.kind, alarm.sensor.numbers) == (kind, (number,))
 
 
-@pytest.mark.parametrize(("lasts_s", "is_named"), [(0.5, False), (4.0, True)])
-def test_of_two_a_contradiction_that_may_be_chance_names_nobody_until_it_lasts(lasts_s, is_named):
+@pytest.mark.parametrize(
+    ("lasts_s", "others_in_1s", "is_named"),
+    # What scatters from fix to fix contradicts both attitudes of a moment.
+    [(0.5, 0.1, False), (4.0, 0.9, True), (4.0, 1.1, False)],
+)
+def test_of_two_a_contradiction_that_may_be_chance_names_nobody_until_it_lasts(
+    lasts_s, others_in_1s, is_named
+):
     def shown(t_s):
         lasts = FAULT_S + 4.0 < t_s < FAULT_S + 4.0 + lasts_s
-        return {0: Suspicion(1.2 if lasts else 0.6), 1: Suspicion(0.1)}
+        mine = suspected(1.2 if lasts else 0.6, in_1s=others_in_1s)
+        return {0: mine, 1: suspected(0.1, in_1s=others_in_1s)}
 
     told, _ = fly([Imu(1, force_fault=off(3.0, 0.0, 0.0)), Imu(2)], FAULT_S + 12.0, shown)
     assert any(alarm.sensor.number == 1 for _, alarm in told) == is_named
@@ -291,14 +305,14 @@ def test_of_two_a_contradiction_that_may_be_chance_names_nobody_until_it_lasts(l
 
 @pytest.mark.parametrize(("wrong", "named"), [((1,), {2}), ((0, 1), set())])
 def test_of_two_accelerometers_the_one_whose_force_has_the_wrong_size_is_wrong(wrong, named):
-    shown = {number: Suspicion(0.6, force_is_wrong=number in wrong) for number in (0, 1)}
+    shown = {number: suspected(0.6, force_is_wrong=number in wrong) for number in (0, 1)}
     told, _ = fly([Imu(1), Imu(2, force_fault=scaled(1.2))], FAULT_S + 6.0, shown)
     assert {alarm.sensor.number for _, alarm in told if alarm.sensor.number} == named
 
 
 def test_a_gyro_and_the_other_imus_accelerometer_fail_at_once():
     imus = [Imu(1, gyro_fault=off(0.0, 0.0, 0.1)), Imu(2, force_fault=off(3.0, 0.0, 0.0))]
-    both = {0: Suspicion(velocity=2.0, turn=2.0), 1: Suspicion(velocity=3.0, turn=0.1)}
+    both = {0: suspected(velocity=2.0, turn=2.0), 1: suspected(velocity=3.0, turn=0.1)}
     told, _ = fly(imus, FAULT_S + 6.0, both)
     assert {(alarm.kind, alarm.sensor.numbers) for _, alarm in told} == {
         (Kind.GYRO_BIAS_STEP, (1,)),
@@ -309,7 +323,7 @@ def test_a_gyro_and_the_other_imus_accelerometer_fail_at_once():
 def test_a_velocity_decides_of_no_sensor_while_both_kinds_differ():
     """It contradicts one attitude by the accelerometer of the one or the gyro of the other."""
     imus = [Imu(1, force_fault=off(3.0, 0.0, 0.0)), Imu(2, gyro_fault=off(0.0, 0.0, 0.1))]
-    told, _ = fly(imus, FAULT_S + 6.0, {0: Suspicion(3.0, 0.1), 1: Suspicion(0.1, 0.1)})
+    told, _ = fly(imus, FAULT_S + 6.0, {0: suspected(3.0, 0.1), 1: suspected(0.1, 0.1)})
     assert {(alarm.kind, alarm.sensor.numbers) for _, alarm in told} == {
         (Kind.GYRO_APART, (1, 2)),
         (Kind.ACCELEROMETER_APART, (1, 2)),

@@ -456,7 +456,8 @@ def test_ratios_are_the_worst_and_those_of_a_faulty_sensor_infinite(bench):
     assert bench.lane.ratio == 0.7
     assert condition(bench).field_ratio == 0.9
     found = bench.lane.suspicion
-    assert (found.velocity, found.turn, found.force_is_wrong) == (0.6, 0.7, False)
+    assert (found.ratios.of_velocity, found.ratios.of_turn) == (0.6, 0.7)
+    assert not found.force_is_wrong
     bench.monitor.force_error = object()
     assert bench.lane.suspicion.force_is_wrong
     bench.monitor.sensor_is_bad = True
