@@ -162,38 +162,48 @@ class ImuWindows:
 
 
 class _Shaken:
-    """A difference in vibration: its mean over some windows, and what usually is left in that."""
+    """A difference in vibration: its mean over some windows, and what usually is left in that.
+
+    A vibration that begins or ends shakes a part of the mean: its power is that of all windows.
+    """
 
     def __init__(self) -> None:
-        self._latest: deque[Vec3] = deque(maxlen=SHAKEN_WINDOWS)
+        # what is left, and the power
+        self._latest: deque[tuple[Vec3, float]] = deque(maxlen=SHAKEN_WINDOWS)
         # by the octave of the power: windows, and mean square of an axis
         self._usual: dict[int, tuple[int, float]] = {}
+        self._octave = 0  # of the present mean
 
-    def take(self, left: Vec3) -> float:
+    def take(self, left: Vec3, power: float) -> float:
         """Takes what is left of a difference; returns the square of its mean (three axes)."""
-        self._latest.append(left)
-        return square(mean(self._latest))
+        self._latest.append((left, power))
+        lefts, powers = zip(*self._latest, strict=True)
+        _, self._octave = math.frexp(sum(powers) / len(powers))
+        return square(mean(lefts))
 
     def forget(self) -> None:
         """Begins a new mean; what is usual stays."""
         self._latest.clear()
 
-    def learn(self, power: float, square: float) -> None:
-        """Learns from the mean of sound sensors at this power."""
-        windows, usual = self._usual.get(_octave(power), (0, 0.0))
+    @property
+    def _is_full(self) -> bool:
+        return len(self._latest) == SHAKEN_WINDOWS
+
+    def learn(self, square: float) -> None:
+        """Learns from the mean of sound sensors; a mean of few windows has not been tested."""
+        if not self._is_full:
+            return
+        windows, usual = self._usual.get(self._octave, (0, 0.0))
         windows += 1
         usual += (square / 3.0 - usual) / min(windows, SCATTER_WINDOWS)
-        self._usual[_octave(power)] = windows, usual
+        self._usual[self._octave] = windows, usual
 
-    def variance(self, power: float) -> float:
-        """Of an axis of the mean at this power, as far as it is known."""
-        windows, usual = self._usual.get(_octave(power), (0, 0.0))
-        is_known = windows >= MIN_SHAKEN_WINDOWS and len(self._latest) == SHAKEN_WINDOWS
+    @property
+    def variance(self) -> float:
+        """Of an axis of the present mean, as far as it is known."""
+        windows, usual = self._usual.get(self._octave, (0, 0.0))
+        is_known = windows >= MIN_SHAKEN_WINDOWS and self._is_full
         return SHAKEN_MARGIN * usual if is_known else math.inf
-
-
-def _octave(power: float) -> int:
-    return math.frexp(power)[1]
 
 
 class FailedComparison:
@@ -315,7 +325,7 @@ class SensorPair:
             p[i][i] += sheet.shape_walk * sheet.shape_walk * VOTING_WINDOW_S
         ph = [_dot4(row, h) for row in p]
         power, size = self._power(one, other), square(left)
-        shaken, of_mean = self._shaken.variance(power), self._shaken.take(left)
+        of_mean, shaken = self._shaken.take(left, power), self._shaken.variance
         self._values.append(value)
         expected = self._variance(one, other, value)
         sound = _dot4(h, ph) + expected
@@ -327,7 +337,7 @@ class SensorPair:
         if self.ratio > 1.0 or self.is_raised:
             return
         if mean_ratio < SOUND:
-            self._shaken.learn(power, of_mean)
+            self._shaken.learn(of_mean)
         if power > sound:
             # The lines of a vibration are in both values; what fades from a mean turns nothing.
             h = (1.0, *mean(self._values))
