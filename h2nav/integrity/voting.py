@@ -74,6 +74,8 @@ class Voting:
     def __init__(self) -> None:
         self._imus: dict[int, ImuWindows] = {}
         self._pairs: dict[tuple[InertialSensor, int, int], SensorPair] = {}
+        # known to be faulty by their own values
+        self._excluded: frozenset[tuple[InertialSensor, int]] = frozenset()
         self._wrong: dict[tuple[InertialSensor, int], int] = {}  # and when it was named
         self._names: dict[tuple[InertialSensor, int], Alarm] = {}
         # of two: the one whose attitude is contradicted, and since when
@@ -104,6 +106,8 @@ class Voting:
         assert one.closed is not None
         assert other.closed is not None
         for part in InertialSensor:
+            if (part, i) in self._excluded or (part, j) in self._excluded:
+                continue  # what a faulty one differs by is not to be learnt
             pair = self._pairs.get((part, i, j))
             if pair is None:
                 pair = self._pairs[part, i, j] = SensorPair(part)
@@ -122,7 +126,8 @@ class Voting:
     @property
     def has_doubts(self) -> bool:
         """Whether any two differ, or one is known to be wrong: else there is nothing to decide."""
-        return bool(self._wrong) or any(both.test.is_raised for both in self._pairs.values())
+        is_known = bool(self._wrong or self._excluded)
+        return is_known or any(both.test.is_raised for both in self._pairs.values())
 
     def look(
         self, suspicions: Mapping[int, Suspicion], excluded: Collection[tuple[InertialSensor, int]]
@@ -131,7 +136,8 @@ class Voting:
 
         Args:
             suspicions: what contradicts the attitude of each IMU.
-            excluded: sensors known to be faulty by their own values; they have no vote.
+            excluded: sensors known to be faulty by their own values; they have no vote, until the
+                next look.
 
         Returns:
             By how much the zero of a gyro that is heard again has moved, rad/s.
@@ -140,6 +146,7 @@ class Voting:
         if not (excluded or self.has_doubts):
             return moved
         self._verdicts.clear()
+        self._excluded = frozenset(excluded)
         for part in InertialSensor:
             pairs = {(i, j): pair for (of, i, j), pair in self._pairs.items() if of is part}
             for (i, j), pair in list(pairs.items()):

@@ -216,6 +216,25 @@ def shaken(phase, size_m_s2=20.0, until_s=math.inf):
     return read
 
 
+def test_of_a_sensor_that_stands_still_in_vibration_nothing_is_learnt():
+    """What it is off by, once it moves again, is told all the same."""
+    stuck_s, sound_s = FAULT_S + 25.0, FAULT_S + 45.0
+    shakes = shaken(2.0)
+
+    def stuck(f, t_s):
+        if stuck_s < t_s < sound_s:
+            return -4.0, -7.0, -20.0
+        return add(shakes(f, t_s), (0.0, 0.0, -2.5 if t_s > stuck_s else 0.0))
+
+    def excluded(t_s):
+        is_stuck = stuck_s + 0.2 < t_s < sound_s + 0.2
+        return frozenset({(InertialSensor.ACCELEROMETER, 1)}) if is_stuck else NOBODY
+
+    imus = [Imu(1, 50.0, force_fault=shaken(0.3)), Imu(2, 50.0, force_fault=stuck)]
+    ((_, alarm),), _ = fly(imus, sound_s + 8.0, begin_s=FAULT_S, excluded=excluded)
+    assert (alarm.kind, alarm.sensor.others) == (Kind.ACCELEROMETER_APART, (1, 2))
+
+
 def test_vibration_that_ends_leaves_no_difference():
     first, second = (shaken(phase, 60.0, until_s=48.0) for phase in (0.3, 2.0))
     imus = [Imu(1, 50.0, force_fault=first), Imu(2, 50.0, force_fault=second)]
