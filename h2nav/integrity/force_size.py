@@ -146,12 +146,14 @@ class ForceSize:
         vibration_m_s2: float,
         *,
         may_judge: bool,
+        differs: bool = False,
     ) -> None:
         """Takes a fix.
 
         Args:
             vibration_m_s2: of the accelerometer, rms.
             may_judge: nothing else is known to be wrong.
+            differs: from the force of another IMU, which would show a line of vibration as well.
         """
         excess = self._renew(_Point(moment, v_n, altitude_m, vibration_m_s2))
         if self.is_stale(moment.t_us):
@@ -181,7 +183,7 @@ class ForceSize:
             return
         self._beyond = 0
         self._latest.clear()
-        if self._may_be_hidden(size):
+        if not differs and self._may_be_hidden(size):
             self.begin()
         else:
             self.found = _error(excess, size)

@@ -116,6 +116,7 @@ class Monitor(TakesInputs):
         self._opened = OpenedErrors()
         self._search = CauseSearch(self._strapdown, self._velocity, self._opened)
         self._force_size, self._force_was_wrong = ForceSize(), False
+        self._force_differs = False
         self.force_is_off = False  # by its size; others may show the same, see `force_error`
         self._other_excesses: Collection[float] = ()
         self._on_ground: bool | None = None
@@ -337,7 +338,12 @@ class Monitor(TakesInputs):
         has_doubts = gyro_is_doubted or self.sensor_is_bad or self.velocity_is_false
         may_judge = self._on_ground is not True and not has_doubts
         self._force_size.take(
-            moment, mark.v_n, altitude_m, self.vibration_m_s2, may_judge=may_judge
+            moment,
+            mark.v_n,
+            altitude_m,
+            self.vibration_m_s2,
+            may_judge=may_judge,
+            differs=self._force_differs,
         )
         self.force_is_off = self._force_size.found is not None
 
@@ -368,6 +374,10 @@ class Monitor(TakesInputs):
         """Takes which of its sensors show the same as another IMU's: they are not accused."""
         found = ((Cause.GYRO, gyro), (Cause.ACCELEROMETER, accelerometer))
         self._search.use_cleared(frozenset(cause for cause, agrees in found if agrees))
+
+    def use_differing_force(self, differs: bool) -> None:
+        """Takes whether its force and another IMU's differ, and nobody knows which is wrong."""
+        self._force_differs = differs
 
     def use_other_excesses(self, excesses_m_s2: Collection[float]) -> None:
         """Takes `force_excess_m_s2` of the other IMUs."""

@@ -65,6 +65,7 @@ class Verdict(NamedTuple):
         frozenset()
     )  # outvoted, or one of two with an attitude that is off
     agreed: frozenset[InertialSensor] = frozenset()  # another IMU's shows the same
+    apart: frozenset[InertialSensor] = frozenset()  # another's does not, and either may be wrong
     open_rad: float = 0.0  # an error that an unnamed difference may have made
 
 
@@ -259,8 +260,9 @@ class Voting:
         wrong = frozenset(part for part in InertialSensor if (part, imu) in self._wrong)
         agreed = frozenset(part for part, pair in mine if pair.agrees(self._t_us))
         named = {part for part, _ in self._wrong}
+        apart = frozenset(part for part, pair in mine if pair.is_raised and part not in named)
         opened = [pair.open_rad for part, pair in mine if part not in named or part in wrong]
-        return Verdict(wrong, agreed - wrong, max(opened, default=0.0))
+        return Verdict(wrong, agreed - wrong, apart, max(opened, default=0.0))
 
     # --- what is reported ---------------------------------------------------------------------
 

@@ -478,6 +478,7 @@ class Lane:
             gyro=InertialSensor.GYRO in verdict.agreed,
             accelerometer=InertialSensor.ACCELEROMETER in verdict.agreed,
         )
+        self._monitor.use_differing_force(InertialSensor.ACCELEROMETER in verdict.apart)
 
     def use_moved_zero(self, moved: Vec3) -> None:
         """Takes by how much its gyro's zero has moved, rad/s."""

@@ -312,11 +312,13 @@ def test_a_sound_heading_is_not_dropped(bench):
 
 @pytest.mark.parametrize("agreed", [(), (GYRO,), (ACCELEROMETER,), (GYRO, ACCELEROMETER)])
 def test_votes_reach_the_monitor_once(bench, agreed):
-    verdict = Verdict(agreed=frozenset(agreed))
+    apart = frozenset({GYRO, ACCELEROMETER}) - frozenset(agreed)
+    verdict = Verdict(agreed=frozenset(agreed), apart=apart)
     for _ in range(2):
         bench.lane.use_votes(verdict)
     told = (("gyro", GYRO in agreed), ("accelerometer", ACCELEROMETER in agreed))
     assert bench.monitor.named("use_agreed") == [told]
+    assert bench.monitor.named("use_differing_force") == [(ACCELEROMETER not in agreed,)]
 
 
 # --- alarms -----------------------------------------------------------------------------------
