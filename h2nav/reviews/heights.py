@@ -12,11 +12,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import FlightKind
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, Span
 from h2nav.reviews.inertial import Mask, joined, runs, within
 from h2nav.reviews.vertical import GRID_S, Climb, on_grid
 
 HEIGHT_LOST = FlightKind("height_lost")
+# Of the air that a vehicle flies into a barometer may show the whole dynamic pressure, as a height
+# of v^2 / 2 g.
 # A step: medians over this time before and after, without the moment itself.
 SIDE, BESIDE = 15, 3
 # The barometer's own noise and the wash of propellers stay below; a receiver's altitude does over
@@ -41,6 +44,7 @@ class Heights(NamedTuple):
     moved_m: Array  # (N,) integral of the receiver's vertical velocity
     estimate_m: Array  # (N,) of the autopilot
     climbed_m: Array  # (N,) integral of the autopilot's climb rate
+    blown_m: Array  # (N,) by how much the air that it flies into may mislead the barometer
 
 
 def heights(
@@ -57,10 +61,12 @@ def heights(
     t_s = sources[0].t_s
     rates = {source.name: source.climb_m_s for source in sources}
     nothing = np.full(len(t_s), np.nan)
-    altitude, estimate = nothing, nothing
+    altitude, estimate, flown = nothing, nothing, nothing
     for gps in context.gps[:1]:
         good = gps.has_fix & ~(gps.satellites < MIN_SATELLITES)
         altitude = on_grid(t_s, gps.t_s[good], gps.altitude_m[good])
+        speed = np.linalg.norm(np.nan_to_num(gps.v_n[good]), axis=1)
+        flown = on_grid(t_s, gps.t_s[good], speed)
     sound = ~within(t_s, doubted)
     if context.height_m is not None:
         estimate = on_grid(t_s, context.height_m.t_s, context.height_m.values)
@@ -71,6 +77,7 @@ def heights(
         _integral(np.where(sound, rates.get("the GPS", nothing), np.nan)),
         estimate,
         _integral(rates.get("the estimator", nothing)),
+        np.nan_to_num(flown) ** 2 / (2.0 * GRAVITY_M_S2),
     )
 
 
@@ -109,7 +116,7 @@ def _stepped(known: Heights, flying: Mask) -> list[Finding]:
     with np.errstate(invalid="ignore"):
         least = np.nanmin(np.where(np.isfinite(apart), np.abs(apart), np.inf), axis=0)
         sudden = np.abs(_sudden(known.barometer_m)) > 0.7 * np.abs(own)
-        most = np.where(witnesses >= 2, STEP_M, STEP_ALONE_M)
+        most = np.where(witnesses >= 2, STEP_M, STEP_ALONE_M) + _blown(known, -SIDE, SIDE)
         is_step = flying & sudden & (np.abs(own) > most) & (witnesses > 0) & (least > most)
     if not is_step.any():
         return []
@@ -127,6 +134,11 @@ def _stepped(known: Heights, flying: Mask) -> list[Finding]:
             f"{' and '.join(said)} did not: medians over 1.5 s before and after",
         )
     ]
+
+
+def _blown(known: Heights, before: int, after: int) -> Array:
+    """(N,) what the air may have changed from so many steps before each time to those after it."""
+    return np.maximum(np.roll(known.blown_m, -before), np.roll(known.blown_m, -after))
 
 
 def _steps(values: Array) -> Array:
@@ -155,7 +167,7 @@ def _drifted(known: Heights, flying: Mask) -> list[Finding]:
     by_velocity = _levelled(known.barometer_m - known.moved_m, flying)
     with np.errstate(invalid="ignore"):
         alike = np.abs(by_altitude - by_velocity) < SPREAD_SHARE * np.abs(by_altitude)
-        far = flying & (np.abs(by_altitude) > DRIFT_M) & alike
+        far = flying & (np.abs(by_altitude) > DRIFT_M + known.blown_m) & alike
     for first, last in joined(runs(far), known.t_s, 1.0):
         if known.t_s[last] - known.t_s[first] >= DRIFT_S:
             part = by_altitude[first : last + 1]
@@ -183,7 +195,8 @@ def _ran_away(known: Heights, flying: Mask) -> list[Finding]:
     with np.errstate(invalid="ignore"):
         alike = np.abs(by_altitude - by_velocity) < SPREAD_SHARE * np.abs(by_altitude)
         least = np.minimum(np.abs(by_altitude), np.abs(by_velocity))
-        runs_away = (least > RUN_M) & alike & throughout[: len(least)]
+        runs_away = least > RUN_M + _blown(known, 0, length)[: len(least)]
+        runs_away &= alike & throughout[: len(least)]
     if not runs_away.any():
         return []
     places = np.flatnonzero(runs_away)

@@ -27,7 +27,7 @@ KINDS = (
         "and vertical velocity (without a receiver: the estimator) do not show",
         limit=(
             "30 m at once; a step of 8 m against two, 25 m against the estimator alone; a drift "
-            "of 25 m for 10 s, or of 10 m within 40 s"
+            "of 25 m for 10 s, or of 10 m within 40 s; each beyond the dynamic pressure, v^2 / 2 g"
         ),
     ),
     Declared(

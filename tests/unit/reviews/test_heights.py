@@ -26,15 +26,16 @@ def later(change, from_s=AT_S, over_s=0.0):
 
 
 def found_in(barometer=LEVEL, altitude=LEVEL, moved=LEVEL, estimate=LEVEL, climbed=LEVEL,
-             armed=FLOWN, lifted=FLOWN):  # fmt: skip
-    known = Heights(T_S, *(one + FLIGHT for one in (barometer, altitude, moved, estimate, climbed)))
+             speed=0.0 * LEVEL, armed=FLOWN, lifted=FLOWN):  # fmt: skip
+    shown = (one + FLIGHT for one in (barometer, altitude, moved, estimate, climbed))
+    known = Heights(T_S, *shown, speed**2 / 19.6)
     return detect_heights(known, Context(armed=armed), lifted)
 
 
 def test_heights_that_agree_are_sound():
     assert found_in() == []
     assert found_in(altitude=NOTHING, moved=NOTHING, estimate=NOTHING, climbed=NOTHING) == []
-    short = Heights(*(one[:30] for one in (T_S, *[LEVEL] * 5)))
+    short = Heights(*(one[:30] for one in (T_S, *[LEVEL] * 6)))
     assert detect_heights(short, Context(armed=FLOWN), FLOWN) == []
 
 
@@ -68,6 +69,10 @@ def test_what_is_told_of_a_step():
         ({"barometer": LEVEL + later(12.0), "altitude": LEVEL + later(3.9)}, True),
         ({"barometer": LEVEL + later(12.0), "altitude": LEVEL + later(4.1)}, False),
         ({"barometer": LEVEL + later(12.0), "climbed": LEVEL + later(4.1)}, False),
+        # of the air that it flies into, before or after
+        ({"barometer": LEVEL + later(12.0), "speed": later(8.0)}, True),
+        ({"barometer": LEVEL + later(12.0), "speed": later(9.5)}, False),
+        ({"barometer": LEVEL + later(12.0), "speed": 9.5 - later(9.5)}, False),
         # at once
         ({"barometer": LEVEL + later(12.0, over_s=0.5)}, True),
         ({"barometer": LEVEL + later(12.0, over_s=2.5)}, False),
@@ -200,7 +205,8 @@ def test_what_is_told_of_a_lost_height():
 
 def test_heights_are_put_on_one_grid():
     t_s = np.arange(0.0, END_S, 0.2)
-    gps = receiver_track(t_s, 0.0)._replace(altitude_m=100.0 + t_s, satellites=np.full(600, 6))
+    gps = receiver_track(t_s, (3.0, 4.0, np.nan))
+    gps = gps._replace(altitude_m=100.0 + t_s, satellites=np.full(600, 6))
     climbs = (Climb("the GPS", T_S, np.full(len(T_S), 2.0)),
               Climb("the estimator", T_S, np.where(T_S < 9.0, np.nan, 1.0)))  # fmt: skip
     baro, own = Series(t_s, 3.0 * t_s), Series(t_s, -t_s)
@@ -213,6 +219,7 @@ def test_heights_are_put_on_one_grid():
     assert np.diff(known.moved_m[inside]) == pytest.approx(2.0 * GRID_S)
     assert np.diff(known.climbed_m[inside & (T_S > 9.5)]) == pytest.approx(GRID_S)
     assert np.isnan(known.climbed_m[T_S < 8.9]).all()
+    assert known.blown_m[inside] == pytest.approx(25.0 / 19.613, rel=1e-4)
     doubted = (T_S > 50.1) & (T_S < 98.9)
     assert np.isnan(known.altitude_m[doubted]).all()
     assert np.isnan(known.moved_m[doubted]).all()
