@@ -17,8 +17,8 @@ from h2nav.maths.rows import product, select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context, ImuTrack, Span
 from h2nav.recordings.motor_outputs import MULTIROTORS
-from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, within
-from h2nav.reviews.vertical import AGREE_M_S, MIN_DESCENT_M_S, Climb, Contact
+from h2nav.reviews.inertial import Mask, exponential, means, rotate, runs, widened, within
+from h2nav.reviews.vertical import AGREE_M_S, GROUND_M_S2, MIN_DESCENT_M_S, Climb, Contact
 
 BIN_S = 0.1
 # A vehicle at rest on its side: the direction of the force stays within, and its size near gravity,
@@ -34,7 +34,7 @@ STAYS_S, MOVES_S = 4.0, 0.3
 # Rougher and quicker than a person turning the vehicle over by hand.
 TOPPLED_G, TOPPLED_S = 2.0, 6.0
 # Samples further apart than this show a blow of 20 ms by chance alone.
-SELDOM_S = 0.05
+SELDOM_S = 0.03
 # A blow begins where the force leaves what is usual, before it is half as hard as it gets.
 TOUCHED_OF_USUAL = 1.5
 # Harder than a landing on legs, in means of 20 ms: a fall from half a metre.
@@ -57,9 +57,8 @@ AGAIN_S, AGAIN_FOR_S = 5.0, 2.0
 APART_S = 10.0
 # Motors also run on a bench: a flying vehicle never keeps as still.
 MOVING_RAD_S, MOVING_BINS = 1.0 * DEG, 10
-# A fall from 2 m: landing gear is made for one of half a metre (3 m/s). The ground ends it, if a
-# thrust of 2.5 times the weight could not.
-CRASH_M_S, GROUND_M_S2 = 6.3, 1.5 * GRAVITY_M_S2
+# A fall from 2 m: landing gear is made for one of half a metre (3 m/s).
+CRASH_M_S = 6.3
 # Harder than that, by more than sources of a speed may differ.
 HARD_M_S = 3.0 + AGREE_M_S
 # A blow and the end of a descent this close together are one.
@@ -142,16 +141,22 @@ def with_contacts(
     A log of 25 samples a second shows no blow.
     """
     seen = []
+    stood = _standing(bins, context.armed)
     for blow in found:
         near = [one for one in met if abs(one.t_s - blow.t_s) < SAME_S and _is_known(one)]
         fastest = max(near, key=lambda one: one.speed_m_s, default=None)
         if fastest is None:
             seen.append(blow)
             continue
+        if fastest.t_s < blow.t_s - BLOW_S and _is_crash(fastest, 2):
+            # It rebounded: seldom samples missed the blow before.
+            first = _of_contact(bins, fastest, stood, Span(0.0, blow.to_s, ""))
+            peak_g = max(first.peak_g, blow.peak_g)
+            seen.append(first._replace(tilt_rad=blow.tilt_rad, peak_g=peak_g))
+            continue
         is_crash = blow.is_crash or _is_crash(fastest, 1)
         speed, sources = fastest.speed_m_s, fastest.shown_by
         seen.append(blow._replace(speed_m_s=speed, shown_by=sources, is_crash=is_crash))
-    stood = _standing(bins, context.armed)
     for contact in met:
         is_known = any(abs(contact.t_s - blow.t_s) < SAME_S for blow in seen)
         span = next((one for one in context.armed if one.from_s <= contact.t_s <= one.to_s), None)
@@ -172,7 +177,7 @@ def _of_contact(bins: Bins, contact: Contact, stood: Array, span: Span) -> Impac
         t_s = float(bins.t_s[place])
     after = (bins.t_s >= t_s) & (bins.t_s < t_s + TOPPLED_S)
     rests = np.flatnonzero(after & _steady(bins))
-    turned, turned_s = _turned(bins, place)
+    turned, turned_s = turned_before(bins, place)
     return Impact(
         t_s,
         float(span.to_s),
@@ -391,20 +396,11 @@ def _in_span(bins: Bins, lies: Mask, stood: Array, span: Span, *, is_seldom: boo
 def _again(bins: Bins, lies: Mask, t_s: float) -> int | None:
     """The bin in which it flies again after a crash."""
     flies = (bins.t_s > t_s + AGAIN_S) & (bins.driven > bins.flying)
-    flies &= ~_near(lies, round(AGAIN_FOR_S / BIN_S))
+    flies &= ~widened(lies, round(AGAIN_FOR_S / BIN_S))
     for first, last in runs(flies):
         if bins.t_s[last] - bins.t_s[first] >= AGAIN_FOR_S:
             return first
     return None
-
-
-def _near(is_so: Mask, count: int) -> Mask:
-    """(N,) whether it is true in any of the neighbouring bins."""
-    sums = np.cumsum(np.concatenate(([0], is_so.astype(int))))
-    places = np.arange(len(is_so))
-    first, after = np.maximum(places - count, 0), np.minimum(places + count + 1, len(is_so))
-    found: Mask = sums[after] > sums[first]
-    return found
 
 
 def _lies(bins: Bins, stood: Array, context: Context) -> Mask:
@@ -446,7 +442,7 @@ def _blows(bins: Bins, span: Span) -> Mask:
     for place in np.flatnonzero(hard).tolist():
         near = slice(max(place - reach, 0), place + reach + 1)
         is_rough = bins.peak_rad_s[near].max() > BLOW_RAD_S
-        is_rough = is_rough or _turned(bins, place)[0] > TURNED_RAD
+        is_rough = is_rough or turned_before(bins, place)[0] > TURNED_RAD
         hard[place] = is_rough and _is_down(bins, place, span)
     return hard
 
@@ -499,8 +495,8 @@ def _impact(
     tilt = float("nan")
     if len(rests):
         tilt = float(_angle(bins.f_b[rests[-1:]], stood)[0])
-    is_crash = bool(lies[after].any()) or _turned(bins, first)[0] > TURNED_RAD
-    turned, turned_s = _turned(bins, met)
+    is_crash = bool(lies[after].any()) or turned_before(bins, first)[0] > TURNED_RAD
+    turned, turned_s = turned_before(bins, met)
     t_s = float(bins.t_s[met])
     return Impact(t_s, float(span.to_s), peak_g, peak_rad_s, tilt, turned, turned_s, is_crash)
 
@@ -508,7 +504,7 @@ def _impact(
 def _turned_over(bins: Bins, near: Mask) -> int | None:
     """The last of these bins that turns, if it turned over until then; else None."""
     turning = np.flatnonzero(near & (bins.peak_rad_s > HALF_TURNED_RAD))
-    if not len(turning) or _turned(bins, int(turning[-1]))[0] < TURNED_RAD:
+    if not len(turning) or turned_before(bins, int(turning[-1]))[0] < TURNED_RAD:
         return None
     return int(turning[-1])
 
@@ -526,7 +522,7 @@ def _touched(bins: Bins, force: Array) -> tuple[int, int]:
     return first, max((last + 1 for last in np.flatnonzero(~felt[:first]).tolist()), default=first)
 
 
-def _turned(bins: Bins, place: int) -> tuple[float, float]:
+def turned_before(bins: Bins, place: int) -> tuple[float, float]:
     """Rotation of the body's vertical axis before a time, by the gyro alone, and its start."""
     t_s = bins.t_s[place]
     part = (bins.t_s >= t_s - TURNED_WITHIN_S) & (bins.t_s <= t_s)

@@ -241,6 +241,15 @@ def runs(is_so: Mask) -> list[tuple[int, int]]:
     return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
 
 
+def widened(is_so: Mask, count: int) -> Mask:
+    """(N,) whether it is true in any of the neighbours, so many to either side."""
+    sums = np.cumsum(np.concatenate(([0], is_so.astype(int))))
+    places = np.arange(len(is_so))
+    first, after = np.maximum(places - count, 0), np.minimum(places + count + 1, len(is_so))
+    found: Mask = sums[after] > sums[first]
+    return found
+
+
 def joined(pieces: Iterable[tuple[int, int]], t_s: Array, least_s: float) -> list[tuple[int, int]]:
     """Merges runs that are separated by less than `least_s`."""
     merged: list[tuple[int, int]] = []

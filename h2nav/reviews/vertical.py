@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.context import Array, Context
-from h2nav.reviews.inertial import Mask, runs, within
+from h2nav.reviews.inertial import Mask, runs, widened, within
 
 GRID_S = 0.1
 # Sources further apart than this between two values show nothing.
@@ -23,8 +24,12 @@ BEFORE, BESIDE, AFTER = 7, 2, 12
 # The least descent that is looked at, and what is left of it when it has ended.
 MIN_DESCENT_M_S, LEFT_SHARE, LEFT_M_S = 2.0, 0.25, 1.0
 KEPT_SHARE = 0.8
+# The ground ends a descent if a thrust of 2.5 times the weight could not: also one that rebounds.
+GROUND_M_S2 = 1.5 * GRAVITY_M_S2
 # Two sources agree on a speed within this much.
 AGREE_SHARE, AGREE_M_S, AGREE_STEPS = 0.3, 1.0, 3
+# Below the ground there is none: what sinks further within this time has not met it.
+LOWER_M, LATER = 3.0, 30
 # Contacts this close together are one.
 APART_S = 3.0
 
@@ -95,34 +100,58 @@ def contacts(sources: tuple[Climb, ...], context: Context) -> list[Contact]:
         # The quickest source has its steepest moment here.
         place = first + int(np.argmax(_steepest(sources)[first : last + 1]))
         contact = _contact(sources, looked, place, slice(first, last + 1))
+        if _sinks_on(sources, contact, place):
+            continue
         if found and contact.t_s - found[-1].t_s < APART_S:
-            found[-1] = max(found[-1], contact, key=lambda one: one.speed_m_s)
+            # The fastest that more than one source shows.
+            found[-1] = max(
+                found[-1], contact, key=lambda one: (len(one.shown_by) > 1, one.speed_m_s)
+            )
         else:
             found.append(contact)
     return found
 
 
+def _sinks_on(sources: tuple[Climb, ...], contact: Contact, place: int) -> bool:
+    """Whether those that show the end of a descent show another one below it soon after.
+
+    By more than the air that it flew into may have misled a barometer.
+    """
+    most = max(LOWER_M, contact.speed_m_s**2 / (2.0 * GRAVITY_M_S2))
+    shown = (source.climb_m_s for source in sources if source.name in contact.shown_by)
+    after = slice(place + BESIDE, place + LATER)
+    fallen = [-float(np.cumsum(np.nan_to_num(climb[after])).min(initial=0.0)) for climb in shown]
+    return bool(fallen) and min(fallen) * GRID_S > most
+
+
 def _ends(climb: Array) -> tuple[Mask, Array, Array]:
     """(N,) whether a descent ends here, (N,) its speed, (N,) what is left of it."""
-    before, left = np.full(len(climb), np.nan), np.full(len(climb), np.nan)
+    before, left, lowest = (np.full(len(climb), np.nan) for _ in range(3))
     first, after = BEFORE + BESIDE, BESIDE + AFTER
     with np.errstate(invalid="ignore"):
         before[first:] = -np.median(sliding_window_view(climb, BEFORE), axis=1)[: -BESIDE - 1]
-        windows = np.abs(sliding_window_view(climb, AFTER))
-        left[: len(climb) - after] = np.median(windows, axis=1)[BESIDE + 1 :]
+        windows = sliding_window_view(climb, AFTER)[BESIDE + 1 :]
+        left[: len(climb) - after] = np.median(np.abs(windows), axis=1)
+        lowest[: len(climb) - after] = windows.min(axis=1)
         kept, ended = np.roll(-climb, BESIDE), np.roll(-climb, -BESIDE - 1)
         is_end = before > MIN_DESCENT_M_S
-        is_end &= left < np.minimum(LEFT_M_S, LEFT_SHARE * before)
+        # It climbs, and falls again: what flies on would climb on.
+        rebounds = (ended < 0.0) & (lowest < 0.0) & widened(_steep(climb) > GROUND_M_S2, BESIDE)
+        is_end &= rebounds | (left < np.minimum(LEFT_M_S, LEFT_SHARE * before))
         is_end &= (kept > KEPT_SHARE * before) & (ended < LEFT_SHARE * before)
     return is_end, before, left
 
 
 def _steepest(sources: tuple[Climb, ...]) -> Array:
     """(N,) largest change of speed over three steps by any source, m/s^2."""
-    changes = np.zeros((len(sources), len(sources[0].t_s)))
-    for row, source in zip(changes, sources, strict=True):
-        row[1:-2] = (source.climb_m_s[3:] - source.climb_m_s[:-3]) / (3.0 * GRID_S)
-    found: Array = np.nan_to_num(changes).max(axis=0)
+    found: Array = np.array([_steep(source.climb_m_s) for source in sources]).max(axis=0)
+    return found
+
+
+def _steep(climb: Array) -> Array:
+    """(N,) change over three steps, m/s^2; 0 where unknown."""
+    found = np.zeros(len(climb))
+    found[1:-2] = np.nan_to_num(climb[3:] - climb[:-3]) / (3.0 * GRID_S)
     return found
 
 

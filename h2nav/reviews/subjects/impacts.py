@@ -47,7 +47,7 @@ KINDS = (
         shown_by=(
             "force and rate alone, in every armed span: after a blow, a steady force off the "
             "vertical axis; or a blow, a vehicle turned over, and no flight after it; or a "
-            "descent that ends at once; below 20 samples a second without the blow, if it turned "
+            "descent that ends at once; below 30 samples a second without the blow, if it turned "
             "over and lies; what two sources show to climb or sink within 4 s does not lie"
         ),
         limit=(

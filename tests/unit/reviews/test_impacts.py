@@ -8,6 +8,7 @@ from known_evidence import flying_bins, imu_track
 from scipy.spatial.transform import Rotation
 
 from h2nav.integrity.findings import Kind, Severity
+from h2nav.maths.rows import select_rows
 from h2nav.recordings.context import Context, Motors, ReportedFault, Said, Series, Span
 from h2nav.reviews.impacts import (
     Impact,
@@ -313,6 +314,27 @@ def test_a_quick_descent_that_ends_on_the_ground_is_a_hard_landing_without_a_blo
     assert [(one.t_s, one.is_crash, one.speed_m_s) for one in found] == (
         [(met.t_s, False, met.speed_m_s)] if is_found else []
     )
+
+
+@pytest.mark.parametrize(
+    ("met", "t_s"),
+    [
+        (contact(t_s=AT_S - 1.8), AT_S - 1.8),
+        (contact(t_s=AT_S - 0.9), AT_S),
+        (contact(t_s=AT_S - 1.8, shown_by=MANY[:1]), AT_S),
+    ],
+)
+def test_a_blow_that_follows_the_end_of_a_fall_is_not_the_first(met, t_s):
+    lay = BLOW._replace(tilt_rad=1.5)
+    (found,) = with_contacts([lay], [met], flying_bins(END_S), Context(armed=ARMED))
+    assert (found.t_s, found.speed_m_s, found.is_crash) == (t_s, met.speed_m_s, True)
+    assert (found.tilt_rad, found.peak_g, found.to_s) == (1.5, 6.0, 50.0)
+
+
+@pytest.mark.parametrize(("every", "is_told"), [(2, True), (1, False)])
+def test_samples_that_miss_a_blow_show_a_vehicle_that_turned_over_and_lies(every, is_told):
+    quick = imu(tilt_deg=80.0, blow_g=1.5, turned_deg=75.0)
+    assert bool(found_in(select_rows(quick, slice(None, None, every)))) == is_told
 
 
 def test_crashes_are_in_the_order_of_time():

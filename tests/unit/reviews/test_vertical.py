@@ -50,6 +50,42 @@ def test_a_descent_that_ends_at_once_and_stays_ended(speed_m_s, stopped_m_s, ste
         assert (one.shown_by, one.denied_by) == (("the estimator",), ())
 
 
+@pytest.mark.parametrize(
+    ("speed_m_s", "up_m_s", "falls_m_s2", "steps", "is_contact"),
+    [
+        (10.0, 6.0, 9.81, 1, True),
+        (10.0, 6.0, 1.0, 1, False),  # it climbs on
+        (10.0, 6.0, 9.81, 12, False),  # as thrust does it
+        (3.0, 1.0, 9.81, 1, False),
+        (3.0, 1.6, 9.81, 1, True),
+    ],
+)
+def test_what_rebounds_has_met_the_ground(speed_m_s, up_m_s, falls_m_s2, steps, is_contact):
+    climb = falling(speed_m_s, up_m_s, steps)
+    since_s = GRID_S * (np.arange(len(T_S)) - HIT - steps).clip(min=0.0)
+    rebound = np.maximum(climb - falls_m_s2 * since_s, -up_m_s) * (since_s < 1.5)
+    found = ends(np.where(since_s > 0.0, rebound, climb))
+    assert any(one.speed_m_s == pytest.approx(speed_m_s) for one in found) == is_contact
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "after_s", "sinks_m", "is_contact"),
+    [
+        (5.0, 0.9, 2.8, True),
+        (5.0, 0.9, 3.4, False),
+        (12.0, 0.9, 6.5, True),  # by 7.3 m the air misleads a barometer
+        (12.0, 0.9, 8.5, False),
+        (5.0, 3.0, 9.0, True),  # it has flown since
+    ],
+)
+def test_what_sinks_further_has_not_met_the_ground(speed_m_s, after_s, sinks_m, is_contact):
+    climb = falling(speed_m_s)
+    first = HIT + round(after_s / GRID_S)
+    climb[first : first + 20] = -sinks_m / 2.0
+    found = ends(climb, climb)
+    assert any(one.speed_m_s == pytest.approx(speed_m_s) for one in found) == is_contact
+
+
 def test_only_while_it_is_armed():
     assert ends(falling(5.0), context=Context(armed=(Span(0.0, 14.0, ""),))) == []
     assert ends(falling(5.0), context=Context()) == []
