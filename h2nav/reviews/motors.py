@@ -16,7 +16,7 @@ import numpy as np
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ChangedSetting, Context, Motors, Span
-from h2nav.reviews.impacts import BIN_S, Bins, Impact, in_flight
+from h2nav.reviews.impacts import BIN_S, TURNED_RAD, Bins, Impact, in_flight, turned_before
 from h2nav.reviews.inertial import Mask, joined, runs, within
 from h2nav.reviews.vertical import Climb, climbs
 
@@ -320,7 +320,7 @@ def _reported(context: Context, outputs: MotorOutputs, motors: Motors) -> list[F
     """ArduPilot's check for a motor at full thrust while the vehicle sinks.
 
     It names the first motor at its limit, whatever the reason; so that one has to be there alone,
-    and the vehicle must not climb.
+    and the vehicle must not climb, nor have turned over before: what fights that is no weak motor.
     """
     sources = climbs(context)
     for said in context.said:
@@ -331,10 +331,18 @@ def _reported(context: Context, outputs: MotorOutputs, motors: Motors) -> list[F
         near = np.abs(outputs.bins.t_s - said.t_s) < BEFORE_S
         near &= outputs.flies & _alone(outputs.share, motors.numbers.index(number))
         sunk = _descents(sources, said.t_s - BEFORE_S, said.t_s + BEFORE_S)
-        if near.any() and max(sunk, default=np.inf) > 0.0:
+        is_so = near.any() and not _tumbled(outputs.bins, said.t_s)
+        if is_so and max(sunk, default=np.inf) > 0.0:
             text = f"motor {number} lost its thrust"
             return [_failure(number, said.t_s, said.t_s, text, f"the autopilot said {said.text!r}")]
     return []
+
+
+def _tumbled(bins: Bins, t_s: float) -> bool:
+    """Whether it had turned over in the seconds before."""
+    places = np.flatnonzero((bins.t_s > t_s - LEADS_S) & (bins.t_s <= t_s))
+    looked = places[:: -round(FAILING_S / BIN_S)].tolist()
+    return any(turned_before(bins, place)[0] > TURNED_RAD for place in looked)
 
 
 def _alone(share: Array, column: int) -> Mask:

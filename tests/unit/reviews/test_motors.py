@@ -206,6 +206,24 @@ def test_a_loss_of_thrust_that_the_autopilot_reports(text, others_us, climb_m_s,
     assert failed == ([] if motor is None else [motor])
 
 
+@pytest.mark.parametrize(("turned_s", "is_weak"), [(8.0, False), (12.0, True)])
+def test_what_the_autopilot_reports_after_a_tumble_convicts_no_motor(turned_s, is_weak):
+    pwm_us = np.full((len(T_S), 4), HOVER_US)
+    pwm_us[np.abs(T_S - 30.0) < 1.0, 1] = MAX_PWM_US
+    context = Context(
+        motors=Motors((1, 2, 3, 4), T_S, pwm_us, MIN_PWM_US, MAX_PWM_US),
+        armed=FLIGHT,
+        said=(Said(30.0, Severity.WARNING, "Potential Thrust Loss (2)"),),
+        climb_m_s=Series(T_S, np.full(len(T_S), -1.0)),
+        duration_s=60.0,
+    )
+    made = bins()
+    turning = np.abs(made.t_s - (30.0 - turned_s)) < 0.5
+    made.w_b[turning, 0] += np.pi
+    found = detect_motors(made, context, (), FLIGHT)
+    assert any(one.kind is Kind.MOTOR_FAILED for one in found) == is_weak
+
+
 @pytest.mark.parametrize(("missing", "is_told"), [((), True), ((301,), False)])
 def test_what_was_not_logged_shows_no_motor_in_vain(missing, is_told):
     """At full output for 0.3 s, the others low, while it turns and falls."""
