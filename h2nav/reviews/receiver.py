@@ -7,6 +7,7 @@ tilt error have little effect. The constant of the inertial velocity cancels.
 import math
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, EARTH_RADIUS_M, GRAVITY_M_S2
@@ -390,7 +391,8 @@ def _jump_findings(sensor: Sensor, gps: GpsTrack, position_m: Array, flying: Mas
 
 
 def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
-    """No fix, or no report, while armed, after there was one."""
+    """No fix, or no report, while armed, after there was one; a note of what dives."""
+    dives = context.vehicle_type == mavlink.MAV_TYPE_SUBMARINE
     had_fix = np.maximum.accumulate(gps.has_fix) if len(gps.t_s) else gps.has_fix
     found = []
     # Reports may come in bursts: the usual interval between two is no loss.
@@ -416,7 +418,7 @@ def _lost(sensor: Sensor, gps: GpsTrack, context: Context) -> list[Finding]:
                 Finding(
                     Kind.GPS_LOST,
                     sensor,
-                    Severity.WARNING,
+                    Severity.NOTICE if dives else Severity.WARNING,
                     float(good[place]),
                     float(good[place + 1]),
                     lasted,

@@ -57,7 +57,11 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     found = [Touchdown(one.t_s, one.speed_m_s, one.shown_by) for one in met]
     # How a crash met the ground is its own finding.
     known_s = [*(one.t_s for one in found), *(one.t_s for one in evidence.of(parts.crashes))]
-    for span in context.armed:
+    known_m = height_m[np.isfinite(height_m)]
+    is_high = bool(len(known_m)) and known_m[-1] - known_m[0] > FLOWN_M
+    # What still flies when the log ends has not landed.
+    flies = is_high and evidence.of(parts.ending).is_aloft
+    for span in context.armed[: -1 if flies else None]:
         last = _last(sources, height_m, span)
         if last is not None and all(abs(last.t_s - t_s) > APART_S for t_s in known_s):
             found.append(last)

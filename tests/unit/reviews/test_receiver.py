@@ -182,6 +182,13 @@ def test_a_lost_fix_is_told_for_as_long_as_it_was_lost():
     assert finding.to_s == pytest.approx(60.0, abs=0.5)
 
 
+def test_what_dives_has_no_fix_under_water():
+    flown = flight(vehicle_type=12)
+    gps = flown.context.gps[0]
+    dives = with_gps(flown, has_fix=(gps.t_s < 40.0) | (gps.t_s > 60.0))
+    assert only(dives, "gps_lost").severity is Severity.NOTICE
+
+
 def test_reports_that_stay_away_are_a_lost_fix_too():
     flown = flight()
     gps = flown.context.gps[0]

@@ -31,6 +31,9 @@ def test_a_vehicle_that_stays_on_the_ground_does_not_land():
 
 def test_a_log_that_ends_in_the_air_has_no_landing():
     assert not touchdowns(np.clip(T_S - 30.0, 0.0, 20.0) - np.clip(T_S - 110.0, 0.0, None))
+    # What descends to another height, and stays there, has not landed either.
+    knots_s, heights_m = (30.0, 50.0, 100.0, 104.0, 106.0), (0.0, 20.0, 20.0, 10.5, 9.0)
+    assert not touchdowns(np.interp(T_S, knots_s, heights_m))
 
 
 @pytest.mark.parametrize(
