@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.kinds import AnyKind, FlightKind
 from h2nav.maths.rows import product
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, AttitudeTrack, Context, ImuTrack, Said
@@ -61,7 +62,7 @@ SEEN_SHARE = 0.5
 class _Phrase(NamedTuple):
     """Texts of the autopilot with one meaning."""
 
-    kind: Kind
+    kind: AnyKind
     pattern: str
     text: str
 
@@ -70,6 +71,7 @@ class _Phrase(NamedTuple):
 CRASH = Kind.SAID_CRASH
 # Whose it is, is said with it.
 FAILSAFE = "failsafe"
+RELEASED = FlightKind("said_parachute")
 AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
 
@@ -105,7 +107,12 @@ PHRASES = (
         r"fence\b.*(breach|violat|exceed)|breach\w* .*fence|^fence(: \d+)?$",
         "fence breached",
     ),
-    _Phrase(Kind.SAID_FAILSAFE, r"parachute.*release", "parachute released"),
+    _Phrase(RELEASED, r"parachute.*release", "parachute released"),
+    _Phrase(
+        Kind.SAID_FAILSAFE,
+        r"quad-?chute|transition\b.*\b(fail|abort)|abort\w* .*transition",
+        "transition given up",
+    ),
     _Phrase(
         CRASH,
         r"crash|thrust loss|flip detected|roll.pitch angle.*(fail|exceed)",
@@ -177,7 +184,7 @@ def _counts(context: Context, said: Said, *, is_end: bool) -> bool:
     return any(span.from_s <= said.t_s <= span.to_s + margin_s for span in context.armed)
 
 
-def _quoted(kind: Kind, text: str, texts: list[Said]) -> Finding:
+def _quoted(kind: AnyKind, text: str, texts: list[Said]) -> Finding:
     times = f", {len(texts)} times" if len(texts) > 1 else ""
     quoted = "; ".join(f"{said.t_s:.0f} s: {said.text!r}" for said in texts[:4])
     return Finding(

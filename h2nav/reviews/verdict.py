@@ -12,6 +12,7 @@ from h2nav.recordings.motor_outputs import ON_THE_GROUND
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.declared import Trait
+from h2nav.reviews.estimators import RELEASED
 from h2nav.reviews.evidence import Ending
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.heights import HEIGHT_LOST
@@ -170,7 +171,7 @@ def _crash(context: Context, analysis: Analysis, crash: Finding, found: list[Fin
         for one in chained[1:]
         if one.kind in (Kind.LOSS_OF_CONTROL, HEIGHT_LOST)
     ]
-    text = ", then ".join([begin, *between, f"it {end}"])
+    text = ", then ".join([begin, *between]) + _answer(chained, found) + f", then it {end}"
     return f"{text[:1].upper()}{text[1:]}."
 
 
@@ -183,6 +184,13 @@ def _path(crash: Finding, found: list[Finding]) -> list[Finding]:
         path.insert(0, cause)
         cause = by_id.get(cause.cause or "")
     return [one for one in path if one.kind is not Kind.CRASH]
+
+
+def _answer(known: list[Finding], found: list[Finding]) -> str:
+    """What the autopilot did about it, if that changed how it came down."""
+    causes = {one.id for one in known}
+    is_released = any(one.cause in causes and one.kind == RELEASED for one in found)
+    return ", then the parachute was released" if is_released else ""
 
 
 def _when(context: Context, crash: Finding) -> str:
@@ -268,7 +276,8 @@ def _until(crash: Finding, found: list[Finding]) -> str:
     sensors = [one for one in before if one.sensor.kind in SENSORS and one.cause is None]
     estimators = [one for one in before if _has(one, Trait.ABOUT_ESTIMATOR) and one.cause is None]
     motors = [one for one in before if one.kind is Kind.MOTOR_IMBALANCE]
-    failsafes = [one for one in before if one.kind is Kind.SAID_FAILSAFE and one.cause is None]
+    said = (Kind.SAID_FAILSAFE, RELEASED)
+    failsafes = [one for one in before if one.kind in said and one.cause is None]
     parts = [_phrase(one) for one in (*motors, *sensors, *failsafes)]
     if estimators and not sensors:
         parts += [_phrase(one) for one in estimators]
@@ -290,6 +299,8 @@ def _lost(context: Context, analysis: Analysis, lost: Finding, found: list[Findi
     if known:
         root = _timed(known[0])
         said = f"{root[:1].upper()}{root[1:]}, then {said[:1].lower()}{said[1:]}"
+    if answer := _answer([*known, lost], found):
+        said = f"{said.rstrip('.')}{answer}."
     until = _until(lost, [one for one in found if one not in known])
     return f"{said} {until}".strip() if until or known else f"{said} {_sound(analysis)}"
 
@@ -344,7 +355,10 @@ def _phrases(kept: list[Finding], found: list[Finding]) -> list[str]:
     repeats = [one for one in limits if one.from_s > led_s]
     is_said = len(repeats) < len(limits)
     shown = (one for one in kept if one not in repeats)
-    return [_phrase(one) + ("" if is_said else _lacking(one, found)) for one in shown]
+    return [
+        _phrase(one) + ("" if is_said else _lacking(one, found)) + _answer([one], found)
+        for one in shown
+    ]
 
 
 def _lacking(one: Finding, found: list[Finding]) -> str:

@@ -5,7 +5,7 @@ from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import LEADS_S, Brought, Declared, FlightEvidence, ReviewSubject, Trait
-from h2nav.reviews.estimators import detect_texts
+from h2nav.reviews.estimators import RELEASED, detect_texts
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.subjects.flown_heading import FLOWN_HEADING
 
@@ -58,6 +58,12 @@ KINDS = (
     ),
     Declared(
         Kind.SAID_FAILSAFE,
+        Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
+        phrase=lambda one: one.text,
+        traits=Trait.UPSET,
+    ),
+    Declared(
+        RELEASED,
         Meaning((SensorKind.AUTOPILOT,), Severity.WARNING, "", "", words.SAID),
         phrase=lambda one: one.text,
         traits=Trait.UPSET,

@@ -212,6 +212,9 @@ def test_a_gyro_that_is_known_to_be_frozen_accuses_no_heading():
         (("fence",), ["fence breached"]),  # of ERR, by number
         (("fence: 2",), ["fence breached"]),
         (("Parachute: Released",), ["parachute released"]),
+        (("Quad-chute triggered due to loss of altitude",), ["transition given up"]),
+        (("Transition failed, exceeded time limit",), ["transition given up"]),
+        (("Transition airspeed reached 14.2", "Transition done"), []),
         (("fence enabled", "defence: 2", "PreArm: fence breached", "Parachute: Enabled"), []),
     ],
 )

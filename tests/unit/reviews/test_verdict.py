@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Context, Motors, Said, Series, Span
+from h2nav.reviews.estimators import RELEASED
 from h2nav.reviews.evidence import Ending
 from h2nav.reviews.impacts import Impact
 from h2nav.reviews.subjects import impacts
@@ -283,6 +284,27 @@ def test_crashes_that_follow_a_first_one():
     assert said(CRASH, again) == f"Crashed at 60 s. It met the ground again at 70 s. {SOUND}"
     other = again._replace(cause=None)
     assert said(other, CRASH) == f"Crashed at 60 s. Crashed at 70 s. {SOUND}"
+
+
+FALLS = finding(RELEASED, Sensor(SensorKind.AUTOPILOT), 51.0,
+                "the autopilot said: parachute released", "motor_failed.50")  # fmt: skip
+WEAK = finding(Kind.MOTOR_FAILED, Sensor(SensorKind.MOTOR, 1), 50.0, "motor 1 was weak")
+LANDED = finding(Kind.HARD_LANDING, VEHICLE, 55.0, "landed hard: 9 g")
+
+
+@pytest.mark.parametrize(
+    ("found", "first"),
+    [
+        ((CRASH._replace(cause=WEAK.id),), " at 50 s, then the parachute was released, then it "
+         "crashed at 60 s."),
+        ((LOST._replace(cause=WEAK.id, from_s=51.0),), " at 50 s, then control was lost at 51 s: "
+         "roll +90 deg where +5 deg was demanded, then the parachute was released."),
+        ((LANDED,), ", then the parachute was released and it landed hard: 9 g at 55 s."),
+    ],
+)  # fmt: skip
+def test_a_parachute_is_told_after_what_released_it(found, first):
+    assert first_sentence(said(WEAK, FALLS, *found))[0] == f"Motor 1 was weak{first}"
+    assert "parachute" not in said(WEAK, FALLS._replace(cause="other"), *found)
 
 
 def test_a_loss_of_control_without_a_crash():
