@@ -282,7 +282,7 @@ VELOCITY_AIDED: Final = IntegerForm(
     # Found by trying: gcc's code for Cortex-M0 is smaller, and its longest step shorter.
     called=(
         *("moved", "raise_tilt_sigma", "end_frame", "use_motion_gain", "disturbed", "drain"),
-        *("rates", "judge_rest", "coast", "accept_field"),
+        *("rates", "judge_rest", "coast", "accept_field", "shifted", "grown"),
     ),
     bits=_BITS,
     about=_ABOUT,

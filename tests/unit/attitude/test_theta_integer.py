@@ -104,11 +104,24 @@ def test_a_noise_beyond_all_measures_corrects_nothing():
     assert covariance_of(s) == pytest.approx(covariance, abs=1e-7)
 
 
+@pytest.mark.parametrize("size", [1.4, 2.0])
+def test_a_covariance_as_large_as_at_the_start_falls_as_kalmans(size):
+    """1.4: of a bias of 1 deg/s; the fall is larger than the product of its factors."""
+    covariance, row = drawn(0)
+    covariance *= size / covariance.max()
+    s = state(covariance)
+    measured(s, row, 0.3, 0.01, use_gain)
+    h = covariance @ row
+    expected = covariance - np.outer(h, h) / (row @ h + 0.01)
+    assert covariance_of(s) == pytest.approx(expected, abs=2e-3 * size)
+
+
 @pytest.mark.parametrize("number", range(4))
-def test_without_a_heading_the_vertical_part_only_adds_uncertainty(number):
+@pytest.mark.parametrize("largest", [0.1, 1.4, 3.9])
+def test_without_a_heading_the_vertical_part_only_adds_uncertainty(number, largest):
     """The gain has no part along the vertical and of the heading; so does the covariance."""
     covariance, row = drawn(number)
-    covariance *= 0.3  # of larger ones less is subtracted
+    covariance *= largest / np.abs(covariance).max()
     s, r = state(covariance), [0] * 9
     rotation(s.q_nb, r)
     measured(s, row, 0.3, 0.1, lambda s: use_level_gain(s, r))

@@ -350,7 +350,7 @@ class State(SharedFields):
     gain_inverse: I32 = integer(0, 32768, "", "one over the innovation's variance, scaled")
     gain_innovation: I32 = integer(-32768, 32768, "", "innovation over that variance, scaled")
     gain_theta_shift: I32 = integer(0, SHIFT_MAX, "", "what the correction is divided by")
-    gain_p_shift: I32 = integer(0, SHIFT_MAX, "", "what the fall of the covariance is divided by")
+    gain_p_shift: I32 = integer(-3, SHIFT_MAX, "", "what the fall of the covariance is divided by")
     fix_span_us: I32 = integer(0, 1 << 22, "us", "time since the fix before, of the one in use")
     fix_noise: I32 = integer(0, 1 << 29, "s^2", "noise of the innovation of the fix in use", q=26)
     accel_learns: I32 = integer(

@@ -11,6 +11,7 @@ from .derived import (
 )
 from .functions import bits_of, limited, logarithm, product, shifted
 from .theta import (
+    grown,
     lowered,
     lowered_variance,
     size_of,
@@ -109,9 +110,15 @@ def use_accel_gain(s: State, learns: I32) -> None:
     """
     h_x = s.gain_accel[0]
     h_y = s.gain_accel[1]
-    k_x = (h_x * s.gain_inverse + 16384) >> 15
-    k_y = (h_y * s.gain_inverse + 16384) >> 15
+    k_x = h_x * s.gain_inverse
+    k_y = h_y * s.gain_inverse
     shift = s.gain_p_shift
+    if shift < 0:
+        k_x = grown(k_x, shift)
+        k_y = grown(k_y, shift)
+        shift = 0
+    k_x = (k_x + 16384) >> 15
+    k_y = (k_y + 16384) >> 15
     for i in range(4):
         s.p_accel_x[i] = lowered(s.p_accel_x[i], k_x * s.gain_h[i] >> shift)
         s.p_accel_y[i] = lowered(s.p_accel_y[i], k_y * s.gain_h[i] >> shift)

@@ -21,7 +21,17 @@ from ..memory import (
 from .derived import (
     forget_velocity,
 )
-from .functions import bits_of, limited, logarithm, mantissa, power2, product, reciprocal, shifted
+from .functions import (
+    LONGEST,
+    bits_of,
+    limited,
+    logarithm,
+    mantissa,
+    power2,
+    product,
+    reciprocal,
+    shifted,
+)
 
 NOISE_ORIGIN = 61 << 8  # unit of the innovation's variance before scaling: 2^-61
 MAX_NOISE = 29 << 8
@@ -70,7 +80,7 @@ def weigh_gain(s: State, y: I32, log_noise: I32) -> None:
     s.gain_innovation = (known(y >> y_scale, -32768, 32767) * inverse + 16384) >> 15
     # a step that needs a shift to the left is beyond the range of theta
     s.gain_theta_shift = clamp(lost + scale - 29 - y_scale, 0, 31)
-    s.gain_p_shift = clamp(lost - fall - 16, 0, 31)
+    s.gain_p_shift = clamp(lost - fall - 16, -3, 31)
 
 
 def times(p_0: I32, p_1: I32, p_2: I32, p_3: I32, a: list[I32]) -> I32:
@@ -83,10 +93,24 @@ def row_times(row: list[I32], a: list[I32]) -> I32:
     return times(row[0], row[1], row[2], row[3], a)
 
 
+def grown(x: I32, shift: I32) -> I32:
+    """Quotient x / 2^shift, shift from -5 to 31; what grows ends at 30 bits.
+
+    At the start a covariance falls by more than the product of its factors.
+    """
+    for _ in range(5):
+        if shift < 0:
+            x = limited(x, LONGEST >> 1) << 1
+            shift += 1
+    return x >> shift
+
+
 def use_gain(s: State) -> None:
     """Applies the gain to correction and covariance: D += h e, P <- P - h h^T / S.
 
-    The reduction of a variance is rounded down. Source: docs/fixed-point.md Eq. (22).
+    The reduction of a variance is rounded down, and may be less where that is above 2.
+
+    Source: docs/fixed-point.md Eq. (22).
     """
     h0 = s.gain_h[0]
     h1 = s.gain_h[1]
@@ -99,21 +123,31 @@ def use_gain(s: State) -> None:
     s.dtheta[2] = limited(s.dtheta[2] + (h2 * e >> shift), THETA_MAX)
     s.dtheta[3] = limited(s.dtheta[3] + (h3 * e >> shift), THETA_MAX)
     inverse = s.gain_inverse
+    k0 = h0 * inverse
+    k1 = h1 * inverse
+    k2 = h2 * inverse
+    k3 = h3 * inverse
     shift = s.gain_p_shift
-    k = (h0 * inverse + 16384) >> 15
-    s.p_xx = lowered_variance(s.p_xx, k * h0 >> shift)
-    s.p_xy = lowered(s.p_xy, k * h1 >> shift)
-    s.p_xz = lowered(s.p_xz, k * h2 >> shift)
-    s.p_xh = lowered(s.p_xh, k * h3 >> shift)
-    k = (h1 * inverse + 16384) >> 15
-    s.p_yy = lowered_variance(s.p_yy, k * h1 >> shift)
-    s.p_yz = lowered(s.p_yz, k * h2 >> shift)
-    s.p_yh = lowered(s.p_yh, k * h3 >> shift)
-    k = (h2 * inverse + 16384) >> 15
-    s.p_zz = lowered_variance(s.p_zz, k * h2 >> shift)
-    s.p_zh = lowered(s.p_zh, k * h3 >> shift)
-    k = (h3 * inverse + 16384) >> 15
-    s.heading_variance = lowered_variance(s.heading_variance, k * h3 >> shift)
+    if shift < 0:
+        k0 = grown(k0, shift)
+        k1 = grown(k1, shift)
+        k2 = grown(k2, shift)
+        k3 = grown(k3, shift)
+        shift = 0
+    k0 = (k0 + 16384) >> 15
+    k1 = (k1 + 16384) >> 15
+    k2 = (k2 + 16384) >> 15
+    k3 = (k3 + 16384) >> 15
+    s.p_xx = lowered_variance(s.p_xx, k0 * h0 >> shift)
+    s.p_xy = lowered(s.p_xy, k0 * h1 >> shift)
+    s.p_xz = lowered(s.p_xz, k0 * h2 >> shift)
+    s.p_xh = lowered(s.p_xh, k0 * h3 >> shift)
+    s.p_yy = lowered_variance(s.p_yy, k1 * h1 >> shift)
+    s.p_yz = lowered(s.p_yz, k1 * h2 >> shift)
+    s.p_yh = lowered(s.p_yh, k1 * h3 >> shift)
+    s.p_zz = lowered_variance(s.p_zz, k2 * h2 >> shift)
+    s.p_zh = lowered(s.p_zh, k2 * h3 >> shift)
+    s.heading_variance = lowered_variance(s.heading_variance, k3 * h3 >> shift)
 
 
 def use_level_gain(s: State, r: list[I32]) -> None:
@@ -138,16 +172,16 @@ def use_level_gain(s: State, r: list[I32]) -> None:
         step = ((k[i] << 1) * s.gain_innovation) >> s.gain_theta_shift
         s.dtheta[i] = limited(s.dtheta[i] + limited(step, THETA_MAX), THETA_MAX)
         k[i] = (k[i] * s.gain_inverse + 16384) >> 15
-    shift = clamp(s.gain_p_shift - 2, 0, 31)
-    s.p_xx = lowered_variance(s.p_xx, k[0] * (h[0] + c[0]) >> shift)
-    s.p_xy = lowered(s.p_xy, (k[0] * h[1] + c[0] * k[1]) >> shift)
-    s.p_xz = lowered(s.p_xz, (k[0] * h[2] + c[0] * k[2]) >> shift)
-    s.p_xh = lowered(s.p_xh, k[0] * h3 >> shift)
-    s.p_yy = lowered_variance(s.p_yy, k[1] * (h[1] + c[1]) >> shift)
-    s.p_yz = lowered(s.p_yz, (k[1] * h[2] + c[1] * k[2]) >> shift)
-    s.p_yh = lowered(s.p_yh, k[1] * h3 >> shift)
-    s.p_zz = lowered_variance(s.p_zz, k[2] * (h[2] + c[2]) >> shift)
-    s.p_zh = lowered(s.p_zh, k[2] * h3 >> shift)
+    shift = s.gain_p_shift - 2
+    s.p_xx = lowered_variance(s.p_xx, grown(k[0] * (h[0] + c[0]), shift))
+    s.p_xy = lowered(s.p_xy, grown(k[0] * h[1] + c[0] * k[1], shift))
+    s.p_xz = lowered(s.p_xz, grown(k[0] * h[2] + c[0] * k[2], shift))
+    s.p_xh = lowered(s.p_xh, grown(k[0] * h3, shift))
+    s.p_yy = lowered_variance(s.p_yy, grown(k[1] * (h[1] + c[1]), shift))
+    s.p_yz = lowered(s.p_yz, grown(k[1] * h[2] + c[1] * k[2], shift))
+    s.p_yh = lowered(s.p_yh, grown(k[1] * h3, shift))
+    s.p_zz = lowered_variance(s.p_zz, grown(k[2] * (h[2] + c[2]), shift))
+    s.p_zh = lowered(s.p_zh, grown(k[2] * h3, shift))
 
 
 def lowered(covariance: I32, fall: I32) -> I32:
