@@ -34,7 +34,7 @@ STAYS_S, MOVES_S = 4.0, 0.3
 # Rougher and quicker than a person turning the vehicle over by hand.
 TOPPLED_G, TOPPLED_S = 2.0, 6.0
 # Samples further apart than this show a blow of 20 ms by chance alone.
-SELDOM_S = 0.03
+SELDOM_S = 1.0 / 30.0
 # A blow begins where the force leaves what is usual, before it is half as hard as it gets.
 TOUCHED_OF_USUAL = 1.5
 # Harder than a landing on legs, in means of 20 ms: a fall from half a metre.
