@@ -164,7 +164,8 @@ class ImuWindows:
 class _Shaken:
     """A difference in vibration: its mean over some windows, and what usually is left in that.
 
-    A vibration that begins or ends shakes a part of the mean: its power is that of all windows.
+    A vibration that begins or ends shakes a part of the mean, which has no more power than its most
+    shaken window.
     """
 
     def __init__(self) -> None:
@@ -178,7 +179,7 @@ class _Shaken:
         """Takes what is left of a difference; returns the square of its mean (three axes)."""
         self._latest.append((left, power))
         lefts, powers = zip(*self._latest, strict=True)
-        _, self._octave = math.frexp(sum(powers) / len(powers))
+        _, self._octave = math.frexp(max(powers))
         return square(mean(lefts))
 
     def forget(self) -> None:
