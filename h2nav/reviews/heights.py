@@ -18,8 +18,6 @@ from h2nav.reviews.inertial import Mask, joined, runs, within
 from h2nav.reviews.vertical import GRID_S, Climb, on_grid
 
 HEIGHT_LOST = FlightKind("height_lost")
-# Of the air that a vehicle flies into a barometer may show the whole dynamic pressure, as a height
-# of v^2 / 2 g.
 # A step: medians over this time before and after, without the moment itself.
 SIDE, BESIDE = 15, 3
 # The barometer's own noise and the wash of propellers stay below; a receiver's altitude does over
@@ -77,6 +75,7 @@ def heights(
         _integral(np.where(sound, rates.get("the GPS", nothing), np.nan)),
         estimate,
         _integral(rates.get("the estimator", nothing)),
+        # the whole dynamic pressure, as a height
         np.nan_to_num(flown) ** 2 / (2.0 * GRAVITY_M_S2),
     )
 

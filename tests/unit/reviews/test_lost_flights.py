@@ -37,7 +37,11 @@ def hover(copter: Copter, t_s: float, height_m: float) -> None:
 
 @functools.cache
 def hovering(height_m: float, wrong: tuple[tuple[str, float], ...]) -> bytes:
-    """A copter that hovers, and what of it was wrong from power-up on."""
+    """A copter that has begun to hover, pickled, since each flight goes on from there.
+
+    Args:
+        wrong: its attributes that are otherwise from power-up on.
+    """
     copter = Copter()
     vars(copter).update(wrong)
     copter.fly(AT_S, lambda copter, t_s: hover(copter, t_s, height_m))
