@@ -383,9 +383,13 @@ class SensorPair:
             (a, b, c), (x, y, z) = self.heard, left
             self.heard = a + share * x, b + share * y, c + share * z
 
+    def fade(self) -> None:
+        """A window later less is left of what a difference may have done to an attitude."""
+        self.open_rad *= math.exp(-VOTING_WINDOW_S / OPEN_S)
+
     def _open(self, t_us: int, size: float) -> None:
         """Counts the error of an attitude that a difference may have made."""
-        self.open_rad *= math.exp(-VOTING_WINDOW_S / OPEN_S)
+        self.fade()
         if self.raised_us is None or t_us - self.raised_us > OPEN_S * 1e6:
             return
         if self._part is InertialSensor.ACCELEROMETER:

@@ -107,12 +107,13 @@ class Voting:
         assert one.closed is not None
         assert other.closed is not None
         for part in InertialSensor:
-            if (part, i) in self._excluded or (part, j) in self._excluded:
-                continue  # what a faulty one differs by is not to be learnt
             pair = self._pairs.get((part, i, j))
             if pair is None:
                 pair = self._pairs[part, i, j] = SensorPair(part)
-            pair.compare(t_us, one.closed, other.closed)
+            if (part, i) in self._excluded or (part, j) in self._excluded:
+                pair.fade()  # what a faulty one differs by is not to be learnt
+            else:
+                pair.compare(t_us, one.closed, other.closed)
 
     def agree(self, part: InertialSensor, one: int, other: int) -> bool:
         """Whether two of them show the same; True if they have not been compared."""

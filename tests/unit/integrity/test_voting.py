@@ -302,6 +302,15 @@ def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
     assert voting.verdict(0).wrong == voting.verdict(1).wrong == NOBODY
 
 
+def test_once_a_sensor_is_known_to_be_faulty_the_doubt_that_it_brought_fades():
+    def excluded(t_s):
+        return frozenset({(InertialSensor.GYRO, 0)}) if t_s > FAULT_S + 6.0 else NOBODY
+
+    imus = [Imu(1, gyro_fault=off(0.0, 0.0, 5.0 * DEG)), Imu(2)]
+    _, voting = fly(imus, FAULT_S + 26.0, excluded=excluded)
+    assert 0.0 < voting.verdict(1).open_rad < 10.0 * DEG
+
+
 @pytest.mark.parametrize(
     ("faults", "suspicions", "kind", "number"),
     [
