@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from h2nav.integrity.kinds import SensorKind
@@ -206,6 +207,7 @@ class Named(NamedTuple):
     number: int  # of the sensor, from 1; 0 if there is only one
 
 
+@lru_cache(maxsize=1024)
 def named(name: str) -> Named | None:
     """The feature with this name; None for an unknown one, as of a later program."""
     for form, feature in _FORMS:

@@ -116,59 +116,65 @@ def _departure(
     if known is None or math.isinf(known.feature.least):
         return None
     feature, number = known
-    values = np.array(
-        [one.features[name] for one in past if _is_alike(feature, number, one, row, name)]
-    )[-MAX_EARLIER:]
-    if len(values) < MIN_EARLIER:
+    alike = _alike(name, feature, number, past, row)[-MAX_EARLIER:]
+    if len(alike) < MIN_EARLIER:
         return None
-    usual = float(np.median(values))
-    if value < usual and not feature.both_ways:
+    values = np.array([*alike, value])
+    if not feature.both_ways and value < np.median(values[:-1]):
         return None
-    deviation = max(deviation_of(values), feature.least)
-    if _is_step(values, value, usual, feature.least):
-        text = _step_text(feature, number, value - usual, len(values))
-        nan = math.nan
-        return Departure(
-            name, number, False, value, usual, deviation, len(values), nan, nan, nan, text
-        )
-    return _drift(name, feature, number, np.append(values, value))
+    step = _step(name, feature, number, values)
+    return step if step is not None else _drift(name, feature, number, values)
 
 
-def _is_alike(feature: Feature, number: int, one: FlightRow, row: FlightRow, name: str) -> bool:
-    """Whether an earlier flight has the figure, under circumstances like those of this one."""
-    if name not in one.features:
-        return False
+def _alike(
+    name: str, feature: Feature, number: int, past: Sequence[FlightRow], row: FlightRow
+) -> list[float]:
+    """The figure in the flights that have it, under circumstances like those of this one."""
+    having = [one.features for one in past if name in one.features]
     beside = feature.beside.format(number)
-    if not beside or beside not in row.features:
-        return True
-    other = one.features.get(beside, math.inf)
-    return abs(other - row.features[beside]) <= feature.beside_within
+    if beside and beside in row.features:
+        now = row.features[beside]
+        apart = ((one, abs(one.get(beside, math.inf) - now)) for one in having)
+        having = [one for one, by in apart if by <= feature.beside_within]
+    return [one[name] for one in having]
 
 
 # --- the two tests ------------------------------------------------------------------------------
 
 
+@cache
+def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Places of the earlier and of the later value of all pairs among so many."""
+    return np.triu_indices(count, 1)
+
+
 def deviation_of(values: Array) -> float:
     """Q_n: robust against half of the values, and surer than the median deviation with few."""
-    first, second = np.triu_indices(len(values), 1)
+    first, second = _pairs(len(values))
     half = len(values) // 2 + 1
     rank = half * (half - 1) // 2 - 1
     apart = np.abs(values[first] - values[second])
     return _QN * float(np.partition(apart, rank)[rank])
 
 
-def _is_step(values: Array, value: float, usual: float, least: float) -> bool:
-    if values.min() <= value <= values.max():
-        return False
-    factor = STEP_FACTORS[min(len(values), MAX_EARLIER) - MIN_EARLIER]
-    size = max(STEP_DEVIATIONS * least, max(factor, STEP_DEVIATIONS) * deviation_of(values))
-    return abs(value - usual) > size
+def _step(name: str, feature: Feature, number: int, values: Array) -> Departure | None:
+    """A step of the last one of the values in the order of their flights."""
+    earlier, value = values[:-1], float(values[-1])
+    if earlier.min() <= value <= earlier.max():
+        return None
+    count, usual, own_deviation = len(earlier), float(np.median(earlier)), deviation_of(earlier)
+    factor = max(STEP_FACTORS[count - MIN_EARLIER], STEP_DEVIATIONS)
+    if not abs(value - usual) > max(STEP_DEVIATIONS * feature.least, factor * own_deviation):
+        return None
+    nan, deviation = math.nan, max(own_deviation, feature.least)
+    text = _step_text(feature, number, value - usual, count)
+    return Departure(name, number, False, value, usual, deviation, count, nan, nan, nan, text)
 
 
 def _drift(name: str, feature: Feature, number: int, values: Array) -> Departure | None:
     """A drift of values in the order of their flights, the last one of which is judged."""
     count = len(values)
-    first, second = np.triu_indices(count, 1)
+    first, second = _pairs(count)
     up = int(np.sign(values[second] - values[first]).sum())
     if not up or kendall_probability(count, abs(up)) > DRIFT_PROBABILITY:
         return None
