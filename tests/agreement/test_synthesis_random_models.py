@@ -10,7 +10,7 @@ from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
 from h2nav.synthesis.certificate import CertificateError, accept, prove, verify
 from h2nav.synthesis.closed_form import attitude_bias_gain
-from h2nav.synthesis.lmi import solve_lmi
+from h2nav.synthesis.lmi import SOLVER_OPTIONS, solve_lmi
 from h2nav.synthesis.method import Candidate, SynthesisError, relative_distance
 from h2nav.synthesis.model import vector_sensors
 from h2nav.synthesis.plant import (
@@ -104,8 +104,10 @@ def test_no_wrong_gain_is_ever_certified() -> None:
 
 
 @pytest.mark.parametrize("solver", ["CLARABEL", "SCS"])
-def test_solver_is_right_or_refused(solver: str) -> None:
+def test_solver_is_right_or_refused(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the solver says of itself, what is accepted is within 1e-3 of the optimum."""
+    # Of a discrete model all of its 100,000 steps do not bring SCS near enough either.
+    monkeypatch.setitem(SOLVER_OPTIONS["SCS"], "max_iters", 20_000)
     random = np.random.default_rng(2023)
     accepted = 0
     count = 24 if solver == "CLARABEL" else 2  # one in continuous time, one discrete
