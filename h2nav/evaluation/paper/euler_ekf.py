@@ -53,11 +53,9 @@ class EulerEkf:
         T = kinematics_matrix(halfway)
         F = np.tile(np.eye(6), (len(T), 1, 1))
         # d(T w)/dPhi by central differences: exact to 1e-10, and free of slips.
-        for axis in range(3):
-            nudge = np.zeros(3)
-            nudge[axis] = 1e-5
-            change = kinematics(halfway + nudge, unbiased) - kinematics(halfway - nudge, unbiased)
-            F[:, :3, axis] += dt_s * change / 2e-5
+        nudges = 1e-5 * np.eye(3)[:, None]
+        change = kinematics(halfway + nudges, unbiased) - kinematics(halfway - nudges, unbiased)
+        F[:, :3, :3] += np.moveaxis(dt_s * change / 2e-5, 0, 2)
         F[:, :3, 3:] = -dt_s * T
         Q = np.zeros_like(F)
         Q[:, :3, :3] = (T * self._process[:3]) @ T.transpose(0, 2, 1) * dt_s

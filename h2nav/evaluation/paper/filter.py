@@ -32,29 +32,26 @@ def kinematics(angles: Matrix, rate: Matrix) -> Matrix:
     """Euler-angle rates T(Phi) w.
 
     Args:
-        angles: (N, 3) roll, pitch, yaw, rad.
-        rate: (N, 3) body rate, rad/s.
+        angles: (..., 3) roll, pitch, yaw, rad.
+        rate: (..., 3) body rate, rad/s; either is repeated along the axes it lacks.
 
     Source: docs/derivation.md Eq. (5.1).
     """
-    roll, pitch = angles[:, 0], angles[:, 1]
+    roll, pitch = angles[..., 0], angles[..., 1]
+    x, y, z = rate[..., 0], rate[..., 1], rate[..., 2]
     sin_roll, cos_roll = np.sin(roll), np.cos(roll)
-    across = sin_roll * rate[:, 1] + cos_roll * rate[:, 2]
-    rates: Matrix = np.stack(
-        (
-            rate[:, 0] + np.tan(pitch) * across,
-            cos_roll * rate[:, 1] - sin_roll * rate[:, 2],
-            across / np.cos(pitch),
-        ),
-        axis=1,
-    )
+    across = sin_roll * y + cos_roll * z
+    # `np.stack` would cost more than all of the rest
+    rates = np.empty((*across.shape, 3))
+    rates[..., 0] = x + np.tan(pitch) * across
+    rates[..., 1] = cos_roll * y - sin_roll * z
+    rates[..., 2] = across / np.cos(pitch)
     return rates
 
 
 def kinematics_matrix(angles: Matrix) -> Matrix:
     """(N, 3, 3) the matrices T(Phi). Source: docs/derivation.md Eq. (5.1)."""
-    axes = [kinematics(angles, np.broadcast_to(axis, angles.shape)) for axis in np.eye(3)]
-    return np.stack(axes, axis=2)
+    return np.moveaxis(kinematics(angles, np.eye(3)[:, None]), 0, 2)
 
 
 def directions(angles: Matrix, vectors: Matrix) -> Matrix:
@@ -76,9 +73,7 @@ def directions_by_angles(angles: Matrix, vectors: Matrix) -> Matrix:
     seen = directions(angles, vectors).reshape(len(angles), -1, 3)
     x, y, z = seen[..., 0], seen[..., 1], seen[..., 2]
     o = np.zeros_like(x)
-    cross = np.stack(
-        [np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2
-    )
+    cross = _matrices(((o, -z, y), (z, o, -x), (-y, x, o)))
     turned = cross @ _body_by_angles(angles)[:, None]
     return turned.reshape(len(angles), -1, 3)
 
@@ -183,7 +178,7 @@ def _to_ned(angles: Matrix) -> Matrix:
         (cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy),
         (-sp, sr * cp, cr * cp),
     )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return _matrices(rows)
 
 
 def _body_by_angles(angles: Matrix) -> Matrix:
@@ -192,4 +187,9 @@ def _body_by_angles(angles: Matrix) -> Matrix:
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     o, i = np.zeros_like(roll), np.ones_like(roll)
     rows = ((i, o, -sp), (o, cr, sr * cp), (o, -sr, cr * cp))
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return _matrices(rows)
+
+
+def _matrices(rows: tuple[tuple[Matrix, ...], ...]) -> Matrix:
+    """(..., 3, 3) one matrix for each number of the entries."""
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
