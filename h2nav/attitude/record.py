@@ -9,10 +9,11 @@ symbols in the documents.
 import ctypes
 import functools
 import itertools
-import math
 import struct
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, Field, field, fields, make_dataclass
+from operator import le
 from typing import Any, NamedTuple, TypeVar, cast
 
 from h2nav.maths.fixedpoint import to_fixed
@@ -122,12 +123,39 @@ def size_of(record_type: type) -> int:
     return sum(found.length for found in rows(record_type))
 
 
+class _Layout(NamedTuple):
+    """Where the numbers of a record stand in the order of memory, and their ranges."""
+
+    single: tuple[tuple[str, int], ...]  # fields that are one number, and its place
+    vectors: tuple[tuple[str, slice], ...]
+    fields: tuple[str, ...]  # of each number
+    lowest: tuple[Number, ...]
+    highest: tuple[Number, ...]
+
+
+@functools.cache
+def _layout(record_type: type) -> _Layout:
+    ranges = [
+        (found.name, *(found.range or (-sys.float_info.max, sys.float_info.max)))
+        for found in rows(record_type)
+        for _ in range(found.length)
+    ]
+    names, lowest, highest = zip(*ranges, strict=True)
+    starts = ((found, names.index(found.name)) for found in rows(record_type))
+    places = [(found.name, found.size, start) for found, start in starts]
+    single = tuple((name, start) for name, size, start in places if size is None)
+    vectors = tuple((name, slice(start, start + size)) for name, size, start in places if size)
+    return _Layout(single, vectors, names, lowest, highest)
+
+
 def values(record: object, record_type: type) -> list[Number]:
     """All values of a record, in the order of memory."""
-    flat: list[Number] = []
-    for found in rows(record_type):
-        value = getattr(record, found.name)
-        flat.extend((value,) if found.size is None else value)
+    layout = _layout(record_type)
+    flat: list[Number] = [0] * len(layout.fields)
+    for name, place in layout.single:
+        flat[place] = getattr(record, name)
+    for name, places in layout.vectors:
+        flat[places] = getattr(record, name)
     return flat
 
 
@@ -137,20 +165,18 @@ def assign(record: object, record_type: type, flat: Sequence[Number]) -> None:
     Raises:
         ValueError: a number is missing, outside its declared range, or not finite.
     """
-    if len(flat) != size_of(record_type):
-        raise ValueError(f"{len(flat)} numbers for the {size_of(record_type)} of a record")
-    starts = itertools.accumulate((found.length for found in rows(record_type)), initial=0)
-    parts = [
-        (found, flat[start : start + found.length])
-        for found, start in zip(rows(record_type), starts, strict=False)
-    ]
-    for found, part in parts:
-        _check(found, part)
-    for found, part in parts:
-        if found.size is None:
-            setattr(record, found.name, part[0])
-        else:
-            getattr(record, found.name)[:] = part
+    layout = _layout(record_type)
+    if len(flat) != len(layout.fields):
+        raise ValueError(f"{len(flat)} numbers for the {len(layout.fields)} of a record")
+    limits = layout.lowest, layout.highest
+    if not (all(map(le, limits[0], flat)) and all(map(le, flat, limits[1]))):
+        each = zip(layout.fields, flat, *limits, strict=True)
+        name, value, low, high = next(one for one in each if not one[2] <= one[1] <= one[3])
+        raise ValueError(f"{name} holds {value}, outside {low}..{high}")
+    for name, place in layout.single:
+        setattr(record, name, flat[place])
+    for name, places in layout.vectors:
+        getattr(record, name)[:] = flat[places]
 
 
 def copy(source: object, target: object, record_type: type) -> None:
@@ -161,13 +187,6 @@ def copy(source: object, target: object, record_type: type) -> None:
             setattr(target, found.name, value)
         else:
             getattr(target, found.name)[:] = value[:]
-
-
-def _check(field_row: Row, part: Sequence[Number]) -> None:
-    low, high = field_row.range or (-math.inf, math.inf)
-    for value in part:
-        if not (low <= value <= high and math.isfinite(value)):
-            raise ValueError(f"{field_row.name} holds {value}, outside {low}..{high}")
 
 
 def with_rows(record_type: type[R], before: Sequence[Row], after: Sequence[Row] = ()) -> type[R]:
