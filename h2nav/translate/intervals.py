@@ -11,6 +11,8 @@ class Interval(NamedTuple):
 
     def hull(self, other: "Interval") -> "Interval":
         """The smallest interval that holds both."""
+        if self.lo <= other.lo and other.hi <= self.hi:
+            return self  # most are joined with what they hold already
         return Interval(min(self.lo, other.lo), max(self.hi, other.hi))
 
     def within(self, other: "Interval") -> bool:
