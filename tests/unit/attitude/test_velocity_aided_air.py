@@ -117,6 +117,21 @@ def test_after_a_gap_on_the_ground_the_attitude_is_found_anew() -> None:
     assert quaternion.angle(first.q_nb, tilted) < 1.0 * DEG
 
 
+@both_arithmetics
+def test_after_a_short_gap_on_the_ground_a_force_that_shook_finds_no_attitude(make: Maker) -> None:
+    filter_ = make()
+    filter_.use_vehicle(VehicleState(on_ground=True))
+    for sample in fly(still, 10.0, 42, bias_b=NO_BIAS).samples:
+        before = filter_.update(sample)
+    assert before is not None
+    shaken = sample._replace(t_us=sample.t_us + 2_000_000, f_b=(8.0, 3.0, -12.0))
+    after = filter_.update(shaken)
+    assert after is not None
+    assert after.trust & Trust.RESTARTED
+    assert quaternion.angle(after.q_nb, before.q_nb) < 0.1 * DEG
+    assert after.sigma_tilt_rad > 5.0 * before.sigma_tilt_rad
+
+
 def test_no_gained_velocity_outlives_a_gap() -> None:
     """A vehicle that stands after a gap, with fixes that are older than the first sample."""
 

@@ -338,7 +338,10 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         self._fill(sample, False, None)
         self._sample.dt_us = 0
         self._confirmed_rad = 0.0
+        # On the ground the kernel alone would find the attitude anew.
+        prior, self._sample.rest_prior = self._sample.rest_prior, 0
         bits = resume(self._state, self._g, self._sample)
+        self._sample.rest_prior = prior
         self._follow_gained()
         return self._noted(sample, bits)
 
