@@ -27,7 +27,6 @@ class Feature(NamedTuple):
     # a smaller deviation between flights means nothing: resolution, or what weather and load do
     least: float
     limit: float = math.inf  # what a drift must not reach, by a data sheet or the autopilot
-    limit_source: str = ""  # where that stands
     # name of the figure, with the number, that must be alike in flights that are compared
     beside: str = ""
     beside_within: float = math.inf  # so much apart at most, in that figure's unit
@@ -49,8 +48,7 @@ FEATURES: tuple[Feature, ...] = (
         "less",
         SensorKind.IMU,
         0.5,
-        30.0,
-        "ArduPilot, Measuring Vibration: normal below 30 m/s^2",
+        30.0,  # ArduPilot, Measuring Vibration: normal below 30 m/s^2
     ),
     Feature(
         "imu_{}_displacement_um",
@@ -72,8 +70,7 @@ FEATURES: tuple[Feature, ...] = (
         "less",
         SensorKind.VEHICLE,
         0.015,
-        0.6875,
-        "ArduPilot, AP_MOTORS_THST_HOVER_MAX",
+        0.6875,  # ArduPilot, AP_MOTORS_THST_HOVER_MAX
         both_ways=True,
     ),
     Feature(
@@ -84,8 +81,7 @@ FEATURES: tuple[Feature, ...] = (
         "less",
         SensorKind.MOTOR,
         5.0,
-        40.0,
-        "a review calls it uneven from there on",
+        40.0,  # a review calls it uneven from there on
     ),
     Feature(
         "motor_spread_us",
@@ -114,8 +110,7 @@ FEATURES: tuple[Feature, ...] = (
             "less",
             SensorKind.IMU,
             0.1,
-            2.0,
-            "data sheets of BMI088 and ICM-20602: 1 deg/s, and as much by temperature",
+            2.0,  # data sheets of BMI088 and ICM-20602: 1 deg/s, and as much by temperature
             *_WARM,
             both_ways=True,
         )
@@ -129,8 +124,7 @@ FEATURES: tuple[Feature, ...] = (
         "less",
         SensorKind.IMU,
         0.05,
-        0.785,
-        "data sheet of the MPU-6000: zero-g output 80 mg",
+        0.785,  # data sheet of the MPU-6000: zero-g output 80 mg
         *_WARM,
         both_ways=True,
     ),
@@ -188,8 +182,7 @@ FEATURES: tuple[Feature, ...] = (
         "more softly",
         SensorKind.VEHICLE,
         0.2,
-        3.0,
-        "landing gear is made for up to 3 m/s",
+        3.0,  # landing gear is made for up to 3 m/s
     ),
 )
 """All features; one whose `least` is infinite is a circumstance and is not judged."""

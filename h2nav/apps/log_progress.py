@@ -1,10 +1,10 @@
 """Progress bars of slow commands; none where standard error is not a terminal."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-Progress = Callable[[int, int], None]  # of what is done, and of the total
+from h2nav.log.progress import Progress
 
 
 def byte_bar(what: str) -> AbstractContextManager[Progress]:

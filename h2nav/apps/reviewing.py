@@ -13,6 +13,7 @@ from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.files import ParameterFormat, written
 from h2nav.calibration.vehicle import calibrate, document_of
 from h2nav.errors import BadInput
+from h2nav.log.progress import Progress
 from h2nav.recordings.autopilot_log import has_enough_samples
 from h2nav.recordings.context import Context
 from h2nav.recordings.imported import ImportedLog
@@ -26,8 +27,6 @@ from h2nav.reviews.document import document
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.page import page
 from h2nav.service.service import Service
-
-Progress = Callable[[int, int], object]
 
 # A note of a review: of so many samples.
 UNSMOOTHED = "samples without a smoothed attitude, because its arithmetic failed"

@@ -54,6 +54,10 @@ class VehicleState(NamedTuple):
         return self._replace(is_backward=True)
 
 
+# A velocity that is less certain holds no filter.
+MAX_FIX_SIGMA_M_S = 3.0
+
+
 class VelocityFix(NamedTuple):
     """A velocity over ground from outside the inertial sensors."""
 

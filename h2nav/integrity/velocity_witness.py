@@ -39,7 +39,7 @@ SMOOTHING_S = 0.1
 # Deviation of a change of velocity: a receiver is hardly better. If the residual of the fit exceeds
 # the larger one, force and velocity contradict each other whatever the attitude.
 MIN_SIGMA_M_S = 0.1
-WORST_SIGMA_M_S = 1.0
+MAX_SIGMA_M_S = 1.0
 FIRST_SIGMA_M_S = 0.3
 FITS = 3
 # Priors: neither attitude is preferred; receivers are late by 0 to 0.2 s; an accelerometer's bias
@@ -265,7 +265,7 @@ def _verdicts(windows: deque[_Window]) -> Verdicts:
         for size, column in zip(found, causes, strict=True):
             rest = [part - size * effect for part, effect in zip(rest, column, strict=True)]
         sigma_m_s = max(math.sqrt(sum(part * part for part in rest) / len(rest)), MIN_SIGMA_M_S)
-    if sigma_m_s > WORST_SIGMA_M_S:
+    if sigma_m_s > MAX_SIGMA_M_S:
         return Verdicts()
     (tilt, _), (_, heading) = fit.covariance((TILT, HEADING))
     apart_rad = math.sqrt(sum(w.heading_rad * w.heading_rad for w in windows) / len(windows))

@@ -1,5 +1,5 @@
-"""Progress of whatever reads a log."""
+"""Progress of whatever takes a while."""
 
 from collections.abc import Callable
 
-Progress = Callable[[int, int], None]  # bytes done, bytes in all
+Progress = Callable[[int, int], None]  # of what is done, and of the total

@@ -11,10 +11,9 @@ from h2nav.log.progress import Progress
 from h2nav.log.reader import messages_of
 from h2nav.log.recorder import RECEIVED_TOPIC
 from h2nav.log.survey import require_mcap
+from h2nav.maths.units import MICROSECOND_NS
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.tlog import TIME_SIZE
-
-NS_PER_US = 1_000
 
 
 class TelemetryResult(NamedTuple):
@@ -54,7 +53,7 @@ def export_tlog(
             seen.add(topic)
             if topic not in topics if topics else not topic.startswith(RECEIVED_TOPIC):
                 continue
-            before_us = max(before_us, stored.log_ns // NS_PER_US)
+            before_us = max(before_us, stored.log_ns // MICROSECOND_NS)
             stamp = before_us.to_bytes(TIME_SIZE, "big")
             for frame in deframers.setdefault(topic, Deframer()).feed(stored.data):
                 stream.write(stamp + frame.raw)

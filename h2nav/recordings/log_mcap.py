@@ -18,6 +18,7 @@ from h2nav.errors import BadInput
 from h2nav.log.file import LATEST_NS, new_file
 from h2nav.log.message_schema import field_units
 from h2nav.log.progress import Progress
+from h2nav.maths.units import MICROSECOND_NS
 from h2nav.recordings.dataflash_rows import DataflashRows
 from h2nav.recordings.dataflash_tables import Piece, dataflash_pieces, is_dataflash
 from h2nav.recordings.frame_tables import fields_of
@@ -39,7 +40,6 @@ from h2nav.wire.frame_scan import FoundFrames, FrameScan
 CHUNK_BYTES = 1 << 20
 # A damaged or hostile file may define any number of messages.
 MAX_CHANNELS = 2_000
-NS_PER_US = 1_000
 
 
 class Part(NamedTuple):
@@ -224,7 +224,7 @@ def _unix_offset_ns(dated: Iterable[tuple[Log, float | None]]) -> int:
     for log, unix_s in dated:
         if unix_s is not None:
             # A float holds it to a quarter of a microsecond.
-            return (round(unix_s * 1e6) - log.clock.start_us) * NS_PER_US
+            return (round(unix_s * 1e6) - log.clock.start_us) * MICROSECOND_NS
     return 0
 
 
@@ -236,7 +236,7 @@ def _ulog_notes(log: ULogRows, offset_ns: int) -> Iterator[Part]:
         {"value": np.array([setting.value for setting in settings])},
     )
     places = np.array([setting.place for setting in settings], np.int64)
-    t_ns = log.clock.at(places) * NS_PER_US + offset_ns
+    t_ns = log.clock.at(places) * MICROSECOND_NS + offset_ns
     yield Part("/parameters", "ulog.parameters", t_ns, places, rows, {}, {})
     texts = log.file.texts
     t_us = np.array([min(text.t_us, LATEST_US) for text in texts], np.int64)
@@ -244,7 +244,7 @@ def _ulog_notes(log: ULogRows, offset_ns: int) -> Iterator[Part]:
         ("text", [text.text for text in texts]),
         {"timestamp": t_us, "level": np.array([text.level for text in texts], np.uint8)},
     )
-    t_ns = t_us * NS_PER_US + offset_ns
+    t_ns = t_us * MICROSECOND_NS + offset_ns
     yield Part("/logged_texts", "ulog.logged_texts", t_ns, np.arange(len(rows)), rows, {}, {})
 
 
@@ -276,7 +276,7 @@ def _table_part(kind: str, log: Log, table: Table, offset_ns: int, units: "_Unit
     return Part(
         f"/{name}",
         f"{kind}.{name.partition('/')[0]}",
-        t_us * NS_PER_US + offset_ns,
+        t_us * MICROSECOND_NS + offset_ns,
         table.places,
         table.stored_rows(),
         table.divisors,

@@ -9,7 +9,7 @@ earth field.
 import math
 from collections.abc import Callable
 
-from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.attitude.samples import MAX_FIX_SIGMA_M_S, EarthField, VehicleState, VelocityFix
 from h2nav.integrity.gnss import GnssVerdict, SignalState
 from h2nav.integrity.gnss_signals import SignalLevels
 from h2nav.integrity.witness import Witness
@@ -39,7 +39,6 @@ from h2nav.wire.vehicle import Airspeed, LandedState, SystemTime
 
 EarthFieldAt = Callable[[float, float, float, float], EarthField | None]
 
-WORST_SIGMA_M_S = 3.0
 STALE_AIRSPEED_NS = 2 * SECOND_NS
 FIELD_STEP_DEG = 0.5
 NOWHERE_DEG = 0.01
@@ -56,7 +55,7 @@ def gps_velocity(fix: GpsFix, newest_t_us: int) -> VelocityFix | None:
     Args:
         newest_t_us: time of the newest IMU sample, used if the fix has a time of another clock.
     """
-    if fix.v_n is None or fix.sigma_m_s > WORST_SIGMA_M_S:
+    if fix.v_n is None or fix.sigma_m_s > MAX_FIX_SIGMA_M_S:
         return None
     t_us = _on_imu_clock(fix.time_us, newest_t_us)
     return VelocityFix(t_us, fix.v_n, fix.sigma_m_s, altitude_m=fix.place.altitude_m)

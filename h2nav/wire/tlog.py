@@ -12,12 +12,12 @@ from typing import BinaryIO
 
 import numpy as np
 
+from h2nav.maths.units import MICROSECOND_NS
 from h2nav.wire.arrivals import BATCH_BYTES, Arrivals, Integers
 from h2nav.wire.byte_views import MARKER_2, marker_places, values_at
 from h2nav.wire.deframer import LONGEST_FRAME, SIGNATURE_SIZE, SIGNED_FLAG
 
 TIME_SIZE = 8
-NS_PER_US = 1_000
 _NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
 _MIN_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
 # A clock that leaps further was set: a companion without a battery begins in the year 2000.
@@ -90,7 +90,7 @@ class TlogReader:
                 ends.append(np.array([end]))
                 times.append(np.array([unix_us]))
                 self._at = end
-        t_ns = np.concatenate(times) * NS_PER_US
+        t_ns = np.concatenate(times) * MICROSECOND_NS
         return Arrivals(self._buffer, np.concatenate(starts), np.concatenate(ends), t_ns, True)
 
     def _entry(self, seen: "_Seen") -> tuple[int, int, int]:

@@ -74,8 +74,8 @@ class SensorDelays(NamedTuple):
     ),
     "h2nav/service/aiding.py": (
         (
-            "import EarthField, VehicleState, VelocityFix\n",
-            "import EarthField, HeadingFix, VehicleState, VelocityFix\n",
+            "import MAX_FIX_SIGMA_M_S, EarthField, VehicleState, VelocityFix\n",
+            "import MAX_FIX_SIGMA_M_S, EarthField, HeadingFix, VehicleState, VelocityFix\n",
         ),
         (
             "        if self._settings.gps_velocity:\n",
@@ -87,7 +87,7 @@ class SensorDelays(NamedTuple):
         if self._settings.gps_velocity:
 """,
         ),
-        ("WORST_SIGMA_M_S = 3.0\n", "WORST_SIGMA_M_S = 3.0\nFAST_M_S = 10.0\n"),
+        ("FIELD_STEP_DEG = 0.5\n", "FIELD_STEP_DEG = 0.5\nFAST_M_S = 10.0\n"),
     ),
 }
 

@@ -5,14 +5,13 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from h2nav.attitude.samples import VelocityFix
+from h2nav.attitude.samples import MAX_FIX_SIGMA_M_S, VelocityFix
 from h2nav.attitude.velocity_aided.heading_witness import LATENCIES_S
 from h2nav.attitude.velocity_aided.past import SPACING_US, Row, around
 
 # Largest age of a fix (receivers take .1 to .3 s), and how early it may be without clock agreement.
 OLDEST_S = 0.8
 EARLIEST_S = 0.1
-WORST_SIGMA_M_S = 3.0
 # Best accuracy of a receiver, whatever it states.
 MIN_SIGMA_M_S = 0.05
 FASTEST_M_S = 1000.0
@@ -76,7 +75,7 @@ class VelocityAiding:
         """Takes a fix for the next sample; returns False if it is poor, too old or not new."""
         age_s = (now_us - fix.t_us) * 1e-6
         north, east = fix.v_n[0], fix.v_n[1]
-        if not (-EARLIEST_S <= age_s <= OLDEST_S and fix.sigma_m_s <= WORST_SIGMA_M_S):
+        if not (-EARLIEST_S <= age_s <= OLDEST_S and fix.sigma_m_s <= MAX_FIX_SIGMA_M_S):
             return False
         if not math.hypot(north, east) < FASTEST_M_S or (self._fixes and fix.t_us <= self._fix_us):
             return False
