@@ -36,6 +36,11 @@ UNIX_S = 1_795_000_000.0
 SIMULATED = Configuration(autopilot=AutopilotSettings(simulation_truth=True))
 
 
+def _on_grid(t_ns: int) -> int:
+    """The first step that is not earlier."""
+    return -(-t_ns // STEP_NS) * STEP_NS
+
+
 @dataclass
 class Seen:
     """What came out of the service, in order, with its time in seconds."""
@@ -136,9 +141,9 @@ class SimulatedFlight:
 
     def run(self, until_s: float) -> "SimulatedFlight":
         """Lets time pass until `until_s` after the start."""
-        end_ns = START_NS + round(until_s * 1e9)
+        end_ns = _on_grid(START_NS + round(until_s * 1e9))
         while self.t_ns < end_ns:
-            self.t_ns += STEP_NS
+            self.t_ns = min(max(self._due_ns(), self.t_ns + STEP_NS), end_ns)
             for outgoing in self.autopilot.advance(self.t_ns):
                 self._line.put(outgoing.t_ns, self._encoded(outgoing))
             for data in self._line.take(self.t_ns):
@@ -151,6 +156,14 @@ class SimulatedFlight:
             if not self.seen.states or self.seen.states[-1][1] != state:
                 self.seen.states.append((self.t_s, state))
         return self
+
+    def _due_ns(self) -> int:
+        """When something happens next: until then every step would find nothing to do."""
+        if self.beside or "clock-rate" in self.autopilot.schedule:
+            return self.t_ns
+        due_ns = min(self.autopilot.next_deadline_ns, self.pipeline.next_timer_ns)
+        arrival_ns = self._line.next_deadline_ns
+        return _on_grid(due_ns if arrival_ns is None else min(due_ns, arrival_ns))
 
     def miss(self, until_s: float) -> "SimulatedFlight":
         """Flies until `until_s` after the start; nothing of it is heard."""
