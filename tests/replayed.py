@@ -46,21 +46,12 @@ def rewritten(
     return path
 
 
-class Tamper:
-    """Puts nothing wrong into a recording; fakes that do are made from it."""
-
-    def changed(self, t_s: float, data: bytes) -> bytes:
-        """What arrives instead of `data`, `t_s` after the start; empty when nothing does."""
-        return data
-
-
 class Replayed:
     """Looks on while a recording runs through the service.
 
     Args:
         path: a recording.
         configuration: of the daemon.
-        tamper: what goes wrong.
 
     Attributes:
         pipeline: at the end of the recording.
@@ -68,9 +59,7 @@ class Replayed:
         notices: what the service said.
     """
 
-    def __init__(
-        self, path: Path, configuration: Configuration, tamper: Tamper | None = None
-    ) -> None:
+    def __init__(self, path: Path, configuration: Configuration) -> None:
         recording = open_recording(path)
         self.reference = Reference()
         self.message_ids = self.reference.message_ids
@@ -85,19 +74,13 @@ class Replayed:
         )
         outlets = Outlets(lambda t_ns: t_ns, None, None, self)
         self.pipeline = Pipeline(service, configuration.output.component_id, outlets)
-        self._tamper = tamper or Tamper()
         self._run(recording)
 
     def _run(self, recording: Recording) -> None:
-        start_ns = None
-        for t_ns, original in recording.received():
-            if start_ns is None:
-                start_ns = t_ns
-            data = self._tamper.changed((t_ns - start_ns) * 1e-9, original)
-            if data:
-                self.pipeline.link(t_ns, True)
-                self.pipeline.tick(t_ns)
-                self.pipeline.received(t_ns, data)
+        for t_ns, data in recording.received():
+            self.pipeline.link(t_ns, True)
+            self.pipeline.tick(t_ns)
+            self.pipeline.received(t_ns, data)
 
     def errors(self, skip_s: float = 0.0) -> ErrorTable:
         """Against SIMSTATE, else ATTITUDE, without the first `skip_s` seconds."""
