@@ -1,5 +1,6 @@
 """Calibrations of recorded flights against what their simulators were told."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from h2nav.apps.reviewing import evidence_of
 from h2nav.calibration.field_rows import earth_at
 from h2nav.calibration.vehicle import calibrate
 from h2nav.recordings.opening import open_flight
+from h2nav.recordings.recording import open_recording
 from h2nav.wire.imu import UT_PER_MGAUSS
 from tests.needs import shared_data
 
@@ -29,22 +31,39 @@ WITHIN_MG = 2.5
 PX4_WORLD_DOWN_MG = 429.6
 
 
-def evidence(name: str, parameters: dict[str, float]):
-    path: Path = shared_data(f"flights/{name}.tlog")
+def evidence(path: Path, parameters: dict[str, float]):
     return evidence_of(open_flight(path), PlaybackOptions(), parameters)
 
 
-# SIM_MAG1_OFS, and the rotation that was simulated.
+def part_of(path: Path, folder: Path, from_s: float, to_s: float) -> Path:
+    """What arrived between two times after the recording's start."""
+    part, entries = folder / path.name, list(open_recording(path).received())
+    first_ns, last_ns = (entries[0][0] + s * 1e9 for s in (from_s, to_s))
+    part.write_bytes(
+        b"".join(
+            struct.pack(">Q", t_ns // 1000) + data
+            for t_ns, data in entries
+            if first_ns <= t_ns < last_ns
+        )
+    )
+    return part
+
+
+# SIM_MAG1_OFS, and the rotation that was simulated; from before take-off to when it has flown and
+# turned enough.
 @pytest.mark.parametrize(
-    ("name", "offset", "orientation"),
+    ("name", "span_s", "offset", "orientation"),
     [
-        ("hard_iron_from_boot", (50.0, -25.0, 25.0), None),
-        ("compass_1_turned", (5.0, 13.0, -18.0), 2.0),
-        ("compass_1_hard_iron", (200.0, -150.0, 180.0), None),
+        ("hard_iron_from_boot", (50.0, 165.0), (50.0, -25.0, 25.0), None),
+        ("compass_1_turned", (150.0, 250.0), (5.0, 13.0, -18.0), 2.0),
+        ("compass_1_hard_iron", (40.0, 160.0), (200.0, -150.0, 180.0), None),
     ],
 )
-def test_offsets_and_rotation_are_those_of_the_simulator(name, offset, orientation):
-    found = calibrate([evidence(name, DEFAULTS)])
+def test_offsets_and_rotation_are_those_of_the_simulator(
+    name, span_s, offset, orientation, tmp_path
+):
+    path = part_of(shared_data(f"flights/{name}.tlog"), tmp_path, *span_s)
+    found = calibrate([evidence(path, DEFAULTS)])
     new = {change.name: change.new for change in found.outcomes[0].changes}
     got = [new[f"COMPASS_OFS_{axis}"] for axis in "XYZ"]
     assert got == pytest.approx(offset, abs=WITHIN_MG)
@@ -54,7 +73,7 @@ def test_offsets_and_rotation_are_those_of_the_simulator(name, offset, orientati
 
 
 def test_a_raw_field_shows_what_px4_has_calibrated_away():
-    found = evidence("px4_hard_iron", {})
+    found = evidence(shared_data("flights/px4_hard_iron.tlog"), {})
     outcome = calibrate([found]).outcomes[0]
     added = [outcome.figures[f"add_{axis}_mg"] for axis in "xyz"]
     assert np.negative(added[:2]) == pytest.approx((100.0, -80.0), abs=WITHIN_MG)
@@ -66,7 +85,7 @@ def test_a_raw_field_shows_what_px4_has_calibrated_away():
 
 
 def test_a_flight_without_turns_changes_nothing():
-    found = calibrate([evidence("takeoff_40s", DEFAULTS)])
+    found = calibrate([evidence(shared_data("flights/takeoff_40s.tlog"), DEFAULTS)])
     assert not found.changes
     compasses = [one for one in found.outcomes if one.sensor.startswith("compass")]
     assert all("no turns" in outcome.left[0] for outcome in compasses)
