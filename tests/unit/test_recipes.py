@@ -110,7 +110,7 @@ def run_in(place: Path, *command: str) -> None:
 
 def copy_to(place: Path) -> None:
     """Copies what a recipe may change; the compiled kernels are those of other kernels then."""
-    ignored = shutil.ignore_patterns("__pycache__", "*.so")
+    ignored = shutil.ignore_patterns("*.so")
     for name in COPIED:
         if (REPOSITORY / name).is_dir():
             shutil.copytree(REPOSITORY / name, place / name, ignore=ignored)
