@@ -1,6 +1,7 @@
 """`h2nav evaluate flights`: recordings of an autopilot, from the command line."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,12 @@ FIRST_S = 8.0
 def evaluated(capsys, *words) -> dict:
     assert main(["evaluate", "flights", *map(str, words), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(autouse=True)
+def one_processor(monkeypatch) -> None:
+    """Processes would be started for seconds, to evaluate a few seconds of flight."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +55,8 @@ def test_the_json_has_the_keys_that_others_read(takeoff):
     assert flight["settled"] == {}
 
 
-def test_several_places_are_scored_together(tmp_path, capsys):
+def test_several_places_are_scored_together(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
     (tmp_path / "folder").mkdir()
     places = [tmp_path / "one.tlog", tmp_path / "folder"]
     rewritten(places[0], first_s=FIRST_S)

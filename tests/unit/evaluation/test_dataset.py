@@ -1,4 +1,6 @@
+import functools
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,11 +30,20 @@ from h2nav.recordings.trials import FilterInput, Trial, read_trial
 from h2nav.service.autopilot import Identity
 
 
+@pytest.fixture(autouse=True)
+def one_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes would be started for seconds, to evaluate trials for a tenth of one."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+
+
+flown = functools.cache(fly)
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two short trials with truth and one without."""
     for seed in (1, 2, 3):
-        flight = fly(slow, 20.0, seed)
+        flight = flown(slow, 20.0, seed)
         q_es = np.array([frames.attitude_enu_from_ned(q) for q in flight.q_nb])
         mask = np.arange(len(q_es)) > 1000
         truth = {"q": q_es, "mask": mask} if seed < 3 else {}
@@ -47,7 +58,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_json_has_the_promised_keys(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_promised_keys(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
     assert cli.main(["evaluate", "dataset", str(folder), "--json"]) == 0
     out, err = capsys.readouterr()
     result = json.loads(out)
