@@ -43,7 +43,9 @@ def replay(*words, **options) -> subprocess.CompletedProcess[str]:
 
 def test_a_log_that_may_not_grow_is_a_failure_that_says_what_is_lost(tmp_path):
     out = tmp_path / "out.mcap"
-    done = replay(FLIGHT, "-o", out, "--json", preexec_fn=limit_files)
+    flight = tmp_path / "flight.tlog"
+    flight.write_bytes(FLIGHT.read_bytes()[:300_000])
+    done = replay(flight, "-o", out, "--json", preexec_fn=limit_files)
     assert done.returncode == 1
     last = done.stderr.splitlines()[-1]
     assert last.startswith(f"h2nav: {out}: the log is incomplete: ")
@@ -122,7 +124,7 @@ def test_with_a_configuration_of_ones_own_the_recorded_one_does_not_matter(tmp_p
 
 def test_smoothed_attitudes_become_a_channel_and_a_second_table(tmp_path, capsys):
     flight = tmp_path / "flight.tlog"
-    flight.write_bytes(FLIGHT.read_bytes()[:600_000])
+    flight.write_bytes(FLIGHT.read_bytes()[:400_000])
     plain, smooth = tmp_path / "plain.mcap", tmp_path / "smooth.mcap"
     assert main(["replay", str(flight), "-o", str(plain), "--json"]) == 0
     before = json.loads(capsys.readouterr().out)
