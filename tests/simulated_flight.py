@@ -32,6 +32,7 @@ from h2nav.wire.deframer import Deframer, Frame
 
 START_NS = 1_000_000_000_000
 STEP_NS = 1_000_000
+BESIDE_NS = 10_000_000  # at most between two runs of what is beside the service
 UNIX_S = 1_795_000_000.0
 SIMULATED = Configuration(autopilot=AutopilotSettings(simulation_truth=True))
 
@@ -72,7 +73,7 @@ class SimulatedFlight:
         watched_by: makes the pipeline's watcher, which passes on what it gets.
 
     Attributes:
-        beside: what is run beside the service at every step.
+        beside: what is run beside the service, in every step; none is longer than `BESIDE_NS` then.
     """
 
     def __init__(
@@ -159,9 +160,11 @@ class SimulatedFlight:
 
     def _due_ns(self) -> int:
         """When something happens next: until then every step would find nothing to do."""
-        if self.beside or "clock-rate" in self.autopilot.schedule:
+        if "clock-rate" in self.autopilot.schedule:
             return self.t_ns
         due_ns = min(self.autopilot.next_deadline_ns, self.pipeline.next_timer_ns)
+        if self.beside:
+            due_ns = min(due_ns, self.t_ns + BESIDE_NS)
         arrival_ns = self._line.next_deadline_ns
         return _on_grid(due_ns if arrival_ns is None else min(due_ns, arrival_ns))
 

@@ -25,16 +25,18 @@ from h2nav.wire import codec
 from h2nav.wire.deframer import Deframer
 
 BYTES_PER_S = 92_160.0
-HOP = SCENARIOS["hop"]
+# Nothing but whether it is armed and flies matters to the fetch.
+HOP = SCENARIOS["rest"]._replace(armed_s=3.0, airborne_s=4.0, landed_s=6.0, disarmed_s=7.0)
 PARTS = (mavlink.MAVLINK_MSG_ID_LOG_DATA, mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL)
 # More by hand: `pytest -s tests/unit/apps/test_log_fetcher.py -k armed_again` with H2NAV_LOG_MB=10.
-FIRST = random.Random(1).randbytes(round(float(os.environ.get("H2NAV_LOG_MB", "1")) * 1e6))
+FIRST = random.Random(1).randbytes(round(float(os.environ.get("H2NAV_LOG_MB", "0.5")) * 1e6))
 SECOND = random.Random(2).randbytes(200_000)
 SHARE = FlightSettings().fetch_share
 FETCH_S = 1.2 * len(FIRST) / (SHARE * BYTES_PER_S)
-# The fetch begins at 38 s; the link is cut, and in the midst of the rest the second hop begins.
-CUT_S, CUT_LENGTH_S = 40.0 + 0.3 * FETCH_S, 20.0
-AGAIN_S = CUT_S + CUT_LENGTH_S + 2.0 + 0.2 * FETCH_S
+FETCH_FROM_S = 21.0
+# The link is cut, and in the midst of the rest the second hop begins.
+CUT_S, CUT_LENGTH_S = FETCH_FROM_S + 0.5 + 0.3 * FETCH_S, 20.0
+AGAIN_S = CUT_S + CUT_LENGTH_S + 0.2 * FETCH_S
 
 
 class TwoHops(Scenario):
@@ -42,9 +44,6 @@ class TwoHops(Scenario):
 
     def _one(self, t_s):
         return t_s if t_s < AGAIN_S else t_s - AGAIN_S
-
-    def motion(self, t_s):
-        return HOP.motion(self._one(t_s))
 
     def is_armed(self, t_s):
         return HOP.is_armed(self._one(t_s))
@@ -148,7 +147,7 @@ def test_cut_and_armed_again_the_fetch_goes_on_and_costs_no_attitude(
     flight.run(CUT_S + CUT_LENGTH_S)
     had = bench.fetcher.fetched_bytes
     assert 0.1 * len(FIRST) < had < 0.5 * len(FIRST)
-    flight.run(AGAIN_S + 20.0)
+    flight.run(AGAIN_S + 6.5)
     armed_s = AGAIN_S + HOP.armed_s
     before, after = (
         [t_s for t_s, _ in bench.parts if (t_s > armed_s) is is_late] for is_late in (False, True)
@@ -159,7 +158,7 @@ def test_cut_and_armed_again_the_fetch_goes_on_and_costs_no_attitude(
     assert not bench.fetched()
 
     flight.autopilot.logs.add(SECOND)
-    flight.run(AGAIN_S + 62.0 + 0.6 * FETCH_S)
+    flight.run(AGAIN_S + FETCH_FROM_S + 12.0 + 0.6 * FETCH_S)
     bench.close()
     assert bench.fetched() == [FIRST, SECOND]
     assert not list(tmp_path.glob("*.part*"))
@@ -198,8 +197,8 @@ def _assert_recorded_in_full(bench):
 
 @pytest.mark.thorough
 def test_a_cut_of_twenty_seconds_and_a_restart_of_the_daemon_cost_nothing(tmp_path):
-    bench = Bench(tmp_path, faults=("drop=1@45+20",), logs=(FIRST,))
-    bench.flight.run(50.0)
+    bench = Bench(tmp_path, faults=("drop=1@29+20",), logs=(FIRST,))
+    bench.flight.run(34.0)
     had = bench.fetcher.fetched_bytes
     assert had > 100_000
     bench.close()
@@ -207,7 +206,7 @@ def test_a_cut_of_twenty_seconds_and_a_restart_of_the_daemon_cost_nothing(tmp_pa
     assert part.size - sum(end - start for start, end in part.gaps) == had
 
     again = Bench(tmp_path, SCENARIOS["rest"], logs=(FIRST, SECOND))
-    again.flight.run(30.0)
+    again.flight.run(15.0)
     again.close()
     assert path.read_bytes() == FIRST
     assert again.fetcher.fetched_bytes < 1.05 * (len(FIRST) - had)
@@ -215,13 +214,13 @@ def test_a_cut_of_twenty_seconds_and_a_restart_of_the_daemon_cost_nothing(tmp_pa
 
 def test_an_arming_text_stops_it_before_the_heartbeat(tmp_path):
     bench = Bench(tmp_path)
-    bench.flight.run(45.0)
-    assert bench.parts[-1][0] > 44.8
+    bench.flight.run(29.0)
+    assert bench.parts[-1][0] > 28.8
     bench.flight.inject(mavlink.MAVLink_statustext_message(6, b"Arming motors"))
-    bench.flight.run(46.8)
-    assert bench.parts[-1][0] < 45.2
-    bench.flight.run(47.9)  # it was not armed: it goes on
-    assert bench.parts[-1][0] > 47.7
+    bench.flight.run(30.8)
+    assert bench.parts[-1][0] < 29.2
+    bench.flight.run(31.9)  # it was not armed: it goes on
+    assert bench.parts[-1][0] > 31.7
     bench.close()
 
 
