@@ -1,4 +1,7 @@
-"""A flight with the fake autopilot: its log ends, it is reviewed, everybody is told."""
+"""A flight with the fake autopilot: its log ends, it is reviewed, everybody is told.
+
+Then the autopilot's own log is fetched.
+"""
 
 import contextlib
 import json
@@ -40,15 +43,21 @@ def seen(running, wanted):
     raise AssertionError(f"not seen: {running.events[-3:]}")
 
 
-@pytest.mark.timeout(600)
-def test_a_flight_is_reviewed_after_landing_and_shown(tmp_path: Path) -> None:
+@pytest.mark.timeout(900)
+def test_a_flight_is_reviewed_and_shown_and_a_bad_log_that_is_fetched_costs_no_review(
+    tmp_path: Path,
+) -> None:
     need_package("tornado")
     need_package("foxglove")
     port, logs = free_udp_port(), tmp_path / "logs"
-    configuration = configured(tmp_path, port, "review_priority: normal")
+    content = random.Random(1).randbytes(150_000)
+    (tmp_path / "own.bin").write_bytes(content)
+    flights = "fetch_log: true, fetch_share: 0.9, review_priority: normal"
+    configuration = configured(tmp_path, port, flights)
+    own = ("--log", str(tmp_path / "own.bin"), "--baud", "921600")
     with (
         daemon("-c", str(configuration), "--live", "127.0.0.1:0") as running,
-        fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "hop"),
+        fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "hop", *own),
     ):
         told = seen(running, lambda each: each["event"] == "flight")
         assert told["error"] == ""
@@ -69,26 +78,6 @@ def test_a_flight_is_reviewed_after_landing_and_shown(tmp_path: Path) -> None:
         while b"h2nav_flights_reviewed_total 1.0" not in _read(f"{page}/metrics"):
             assert time.monotonic() < end
             time.sleep(0.1)
-        assert running.stop() == 0
-    folder = FlightFolder(logs)
-    flown, rest = sorted(folder.flights().values(), key=lambda each: each.best.name)
-    assert folder.is_current(flown, folder.record(flown.id))
-    assert folder.record(rest.id) is None
-    assert not list(folder.reviews.glob(".review-*"))
-
-
-@pytest.mark.timeout(900)
-def test_the_autopilots_log_is_fetched_and_a_bad_one_costs_no_review(tmp_path: Path) -> None:
-    port, logs = free_udp_port(), tmp_path / "logs"
-    content = random.Random(1).randbytes(150_000)
-    (tmp_path / "own.bin").write_bytes(content)
-    flights = "fetch_log: true, fetch_share: 0.9, review_priority: normal"
-    configuration = configured(tmp_path, port, flights)
-    own = ("--log", str(tmp_path / "own.bin"), "--baud", "921600")
-    with (
-        daemon("-c", str(configuration)) as running,
-        fake_autopilot(f"udpout:127.0.0.1:{port}", "--scenario", "hop", *own),
-    ):
         seen(
             running,
             lambda each: each["event"] == "notice" and each["text"].startswith("log fetched"),
@@ -101,11 +90,15 @@ def test_the_autopilots_log_is_fetched_and_a_bad_one_costs_no_review(tmp_path: P
     (fetched,) = logs.glob("*.bin")
     assert fetched.read_bytes() == content
     folder = FlightFolder(logs)
-    flight = next(each for each in folder.flights().values() if len(each.recordings) == 2)
-    record = folder.record(flight.id)
-    assert folder.is_current(flight, record)
+    flown, rest = sorted(folder.flights().values(), key=lambda each: each.best.name)
+    assert flown.id == told["id"]
+    assert len(flown.recordings) == 2
+    record = folder.record(flown.id)
+    assert folder.is_current(flown, record)
     assert record.error == ""
     assert record.summary["kind"] == "mcap"
+    assert folder.record(rest.id) is None
+    assert not list(folder.reviews.glob(".review-*"))
 
 
 def _read(url: str) -> bytes:
