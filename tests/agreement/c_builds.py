@@ -105,10 +105,16 @@ def build_avr(folder: Path, identity: Identity, mcu: str, main_file: Path, steps
     """
     program = folder / f"{main_file.stem}_{mcu}.elf"
     warnings = [flag for flag in STRICT if flag != "-pedantic" and not flag.startswith("-std")]
-    _called(
+    compiler = (
         needs.need_program("avr-gcc"), *warnings, "-Wno-strict-overflow", "-std=gnu99", "-O2",
-        f"-mmcu={mcu}", "-DBARE_METAL", *_identity_flags(folder, identity, steps), f"-I{MCU}",
-        MCU / "startup_avr.c", main_file, folder / "h2nav_filter.c", "-o", program,
+        f"-mmcu={mcu}",
+    )  # fmt: skip
+    kernel = folder / f"h2nav_filter_{mcu}.o"
+    if not kernel.exists():  # of all programs the same
+        _called(*compiler, "-c", folder / "h2nav_filter.c", "-o", kernel)
+    _called(
+        *compiler, "-DBARE_METAL", *_identity_flags(folder, identity, steps), f"-I{MCU}",
+        MCU / "startup_avr.c", main_file, kernel, "-o", program,
     )  # fmt: skip
     return program
 

@@ -1,13 +1,15 @@
 """What is derived from the float kernel: as near to it as is claimed, refused where it must be."""
 
+import functools
 import random
 from collections.abc import Mapping
+from types import CodeType
 from typing import Any
 
 import pytest
 from needs import tool
 
-from h2nav.attitude.record import Grid, grids_of, rows
+from h2nav.attitude.record import Grid, assign, grids_of, rows
 from h2nav.attitude.velocity_aided import memory as floats
 from h2nav.attitude.velocity_aided.integer import memory as integers
 from h2nav.attitude.velocity_aided.integer.kernel import derived
@@ -20,6 +22,7 @@ from h2nav.translate.recipes_velocity_aided import RECIPES, fields
 from h2nav.translate.source import Kernel, KernelSource, read_kernel
 
 ROUNDS = 300
+FIELDS = fields()
 FLOAT_MODULES = (prediction, theta, aiding, velocity, heading)
 
 
@@ -41,28 +44,37 @@ def test_module_and_page_are_those_of_the_float_kernel(found: list[Derived]) -> 
 
 def drawn(rng: random.Random, low: int, high: int) -> int:
     """An end, anything, or anything of any size."""
-    way = rng.randrange(6)
-    if way == 0:
-        return rng.choice((low, high))
-    if way == 1:
-        return rng.randint(low, high)
-    size = 1 << rng.randint(0, max(high, -low).bit_length())
-    return max(low, min(high, rng.randint(-size, size)))
+    way = 6.0 * rng.random()
+    if way < 1.0:
+        return low if way < 0.5 else high
+    if way < 2.0:
+        return low + int((high - low + 1) * rng.random())
+    size = 1 << int((max(high, -low).bit_length() + 1) * rng.random())
+    return max(low, min(high, int((2 * size + 1) * rng.random()) - size))
 
 
-def drawn_record(rng: random.Random, record_type: type) -> Any:
-    record = record_type()
+@functools.cache
+def ranges(record_type: type) -> list[tuple[int, int]]:
+    """Of all numbers of a record, without the very ends of the large ones."""
+    found = []
     for one in rows(record_type):
         low, high = one.range or (0, 0)
         if high > 1 << 20:
             # at the very ends a local variable saturates, too, which the bound leaves out
             low, high = low - (low >> 4) if low < 0 else low, high - (high >> 4)
-        numbers = [drawn(rng, low, high) for _ in range(one.length)]
-        if one.size is None:
-            setattr(record, one.name, numbers[0])
-        else:
-            getattr(record, one.name)[:] = numbers
+        found += [(low, high)] * one.length
+    return found
+
+
+def drawn_record(rng: random.Random, record_type: type) -> Any:
+    record = record_type()
+    assign(record, record_type, [drawn(rng, *ends) for ends in ranges(record_type)])
     return record
+
+
+@functools.cache
+def compiled(text: str) -> CodeType:
+    return compile(text, "<operand>", "eval")
 
 
 class Case:
@@ -84,7 +96,7 @@ class Case:
             self.names[f"before_{axis}"] = drawn(rng, 256, end)
         self.float_s, self.float_w = floats.State(), floats.Workspace()
         self.float_g = floats.Gains()
-        self.operands: Mapping[str, Operand] = {**fields(), **recipe.operands}
+        self.operands: Mapping[str, Operand] = {**FIELDS, **recipe.operands}
         for operand in recipe.operands.values():
             if operand.text.isidentifier() and operand.text not in self.names:
                 grid = operand.grids[0]
@@ -93,10 +105,10 @@ class Case:
 
     def number(self, operand: Operand) -> Any:
         """What the integers of an operand stand for."""
-        integer = eval(operand.text, {}, self.names)
+        integer = eval(compiled(operand.text), {}, self.names)
         power = 0
         if operand.fall:
-            power = -eval(operand.fall, {}, self.names)
+            power = -eval(compiled(operand.fall), {}, self.names)
         if isinstance(integer, list):
             grids = operand.grids * len(integer) if len(operand.grids) == 1 else operand.grids
             return [n * grid.step * 2.0**power for n, grid in zip(integer, grids, strict=False)]
