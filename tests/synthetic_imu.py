@@ -133,6 +133,5 @@ def _direction_times(rate: float, t: float) -> Vec3:
     return (rate * a / size, rate * b / size, rate * c / size)
 
 
-def _sum(*vectors: Vec3 | list[float]) -> Vec3:
-    x, y, z = (sum(axis) for axis in zip(*vectors, strict=True))
-    return (x, y, z)
+def _sum(a: Vec3, b: Vec3, c: list[float]) -> Vec3:
+    return (a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2])

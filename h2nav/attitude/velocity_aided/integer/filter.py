@@ -5,13 +5,15 @@ computer and on a microcontroller. `shell` is shared with the floats; this modul
 the kernel.
 """
 
+import itertools
 import math
+import operator
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from h2nav.attitude.integer.motion import MAX_DT_US, rotation
 from h2nav.attitude.native import CompiledStep
-from h2nav.attitude.record import assign, copy, in_c, row, size_of, values
+from h2nav.attitude.record import assign, copy, in_c, reader, row, size_of, values
 from h2nav.attitude.samples import (
     TRUST_OF,
     AttitudeEstimate,
@@ -81,13 +83,21 @@ _GYRO, _ACCEL, _MAG = (row(Sample, name) for name in ("gyro", "accel", "mag"))
 _FORWARD_SPEED, _FIX_VARIANCE = row(Sample, "forward_speed"), row(Sample, "fix_variance")
 _FIX_VELOCITY, _FIX_ACCEL = row(Sample, "fix_velocity_n"), row(Sample, "fix_accel_n")
 _NOTHING = values(Sample(clipped=1, parts=1, fix_variance=1, fix_period_us=1), Sample)
-# shared fields that the deviation of the tilt depends on
-_TILT_ROWS = tuple(
-    row(float_memory.State, name)
-    for name in (
-        *("p_xx", "p_yy", "p_zz", "dtilt_n", "dtilt_e", "p_accel", "dtilt_accel_n"),
-        *("dtilt_accel_e", "unused_variance"),
-    )
+# shared fields that the deviation of the tilt depends on, in the order of the state
+_TILT_FIELDS = (
+    *("dtilt_n", "dtilt_e", "p_xx", "p_yy", "p_zz", "dtilt_accel_n", "dtilt_accel_e", "p_accel"),
+    "unused_variance",
+)
+_TILT_ROWS = tuple(row(float_memory.State, name) for name in _TILT_FIELDS)
+_TILT_STEPS = tuple(
+    grid.step
+    for found in _TILT_ROWS
+    for grid in (found.grids * found.length if len(found.grids) == 1 else found.grids)
+)
+_TILT_STARTS = itertools.accumulate((found.length for found in _TILT_ROWS), initial=0)
+_TILT_PLACES: tuple[tuple[str, int | slice], ...] = tuple(
+    (found.name, start if found.size is None else slice(start, start + found.size))
+    for found, start in zip(_TILT_ROWS, _TILT_STARTS, strict=False)
 )
 _HEADING_UNIT = HEADING_UNIT_RAD**2 * 2.0**-28  # of the heading's variance, rad^2
 _DIFFERENCE_UNIT = row(float_memory.State, "mag_offset_norm").grids[0].step  # and of the dip's
@@ -215,6 +225,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         reset(s, g)
         self._w_b: Vec3 = (0.0, 0.0, 0.0)
         self._gained_n = self._gained_e = self._turned = 0
+        self._read_tilt = reader(s, State, _TILT_FIELDS)
         self._floats = float_memory.State()  # what the deviation of the tilt is worked out from
         self._force_noise = ForceNoise(gains.kernel.level_time_s)
         self._confirmed_rad = 0.0
@@ -662,14 +673,9 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
         Source: docs/filter.md Eq. (11), (27), (30), (63), (64).
         """
         s, f = self._state, self._floats
-        for found in _TILT_ROWS:
-            value, grids = getattr(s, found.name), found.grids
-            if found.size is None:
-                setattr(f, found.name, value * grids[0].step)
-            else:
-                grids = grids * found.length if len(grids) == 1 else grids
-                part = [n * grid.step for n, grid in zip(value, grids, strict=True)]
-                getattr(f, found.name)[:] = part
+        numbers = list(map(operator.mul, self._read_tilt(), _TILT_STEPS))
+        for name, place in _TILT_PLACES:
+            setattr(f, name, numbers[place])
         f.k_tilt, f.k_velocity = self._gain()
         f.aided = float(s.aided)
         f.fix_period_s = 1.0
