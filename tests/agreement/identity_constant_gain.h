@@ -34,7 +34,7 @@ static void ordinary(h2nav_sample *sample)
 static void next_sample(h2nav_sample *sample, const h2nav_filter *filter, uint32_t step)
 {
     (void)filter;
-    const uint32_t mode = (step >> 10) % 5u;
+    const uint32_t mode = (step >> 9) % 5u;
     if (mode == 0u || mode == 4u) {
         ordinary(sample);
     }

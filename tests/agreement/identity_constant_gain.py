@@ -14,7 +14,7 @@ class ConstantGainSamples:
     def next_sample(self, sample: Sample, _state: State, step: int) -> None:
         """Writes sample number `step`; all before it must have been written."""
         noise = self._noise
-        mode = (step >> 10) % 5
+        mode = (step >> 9) % 5
         if mode in (0, 4):
             sample.gyro[:] = [noise(21) for _ in range(3)]
             sample.gravity[:] = [part + noise(9) for part in (0, 0, 16384)]

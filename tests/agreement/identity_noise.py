@@ -1,11 +1,13 @@
 """The numbers of ``identity_noise.h``, and the ranges that it takes them from."""
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
 from h2nav.attitude.record import assign, rows
 
 
+@functools.cache
 def ranges_of(record_type: type) -> list[tuple[int, int]]:
     """Lowest and highest value of every number of a record, in its order."""
     return [found.range or (0, 0) for found in rows(record_type) for _ in range(found.length)]

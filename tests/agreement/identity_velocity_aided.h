@@ -49,8 +49,8 @@ static void fix(h2nav_sample *sample, const h2nav_filter *filter, int32_t bits)
 
 static void next_sample(h2nav_sample *sample, const h2nav_filter *filter, uint32_t step)
 {
-    const uint32_t wild = (step >> 17) & 1u;
-    const uint32_t mode = (step >> 10) % (wild ? 8u : 3u);
+    const uint32_t wild = (step >> 16) & 1u;
+    const uint32_t mode = (step >> 9) % (wild ? 8u : 3u);
     if (mode == 0u) {
         still(sample, 10);
         sample->rest_prior = (step >> 13) & 1u ? 2 : 1;
@@ -99,16 +99,16 @@ static void next_sample(h2nav_sample *sample, const h2nav_filter *filter, uint32
 static void next_call(h2nav_filter *filter, uint32_t step)
 {
     int16_t field[3] = {6400, 0, 11085};
-    if (step % 30011u == 15000u) {
+    if (step % 10007u == 5003u) {
         h2nav_set_field(filter, field);
     }
-    if (step % 30011u == 14000u) {
+    if (step % 10007u == 4503u) {
         for (int32_t i = 0; i < 3; i++) {
             field[i] = (int16_t)noise(16);
         }
         h2nav_set_field(filter, field);
     }
-    if (step % 50021u == 50020u) {
+    if (step % 10501u == 10500u) {
         h2nav_reset(filter);
     }
 }

@@ -18,7 +18,7 @@ class VelocityAidedSamples:
 
     def next_sample(self, sample: Sample, memory: State, step: int) -> None:
         """Writes sample number `step`; all before it must have been written."""
-        mode = (step >> 10) % (8 if (step >> 17) & 1 else 3)
+        mode = (step >> 9) % (8 if (step >> 16) & 1 else 3)
         if mode == 0:
             self._still(sample, 10)
             sample.rest_prior = 2 if (step >> 13) & 1 else 1
@@ -45,12 +45,12 @@ class VelocityAidedSamples:
 
     def next_call(self, memory: State, gains: Gains, step: int) -> None:
         """What a program asks of the filter now and then beside its steps."""
-        if step % 30011 == 15000:
+        if step % 10007 == 5003:
             told.set_place(memory, gains, 6400, 0, 11085)
-        if step % 30011 == 14000:
+        if step % 10007 == 4503:
             north, east, down = (self._noise(16) for _ in range(3))
             told.set_place(memory, gains, north, east, down)
-        if step % 50021 == 50020:
+        if step % 10501 == 10500:
             start.restart(memory)
 
     def _still(self, sample: Sample, bits: int) -> None:

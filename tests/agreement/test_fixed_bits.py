@@ -12,8 +12,8 @@ from h2nav.attitude.record import size_of
 
 pytestmark = pytest.mark.thorough
 
-STEPS = 1 << 18  # both halves of the samples: phases of some kinds, and of all
-AVR_STEPS = 16_384  # three rounds and more, and two places; a simulated AVR is slow
+STEPS = 1 << 17  # both halves of the samples: phases of some kinds, and of all
+AVR_STEPS = 8192  # three rounds and more, and two places; a simulated AVR is slow
 
 
 @pytest.fixture(scope="module", params=sorted(IDENTITIES))
@@ -107,7 +107,7 @@ def test_undefined_behaviour_sanitizer_has_nothing_to_report(
         "clang": ("-fsanitize-trap=all", "-fno-sanitize=unsigned-integer-overflow"),
     }[compiler]
     flags = ("-O1", f"-fsanitize={','.join(checks)}", *after)
-    words = c_builds.build_and_run(exported, identity, compiler, flags, 3 * STEPS)
+    words = c_builds.build_and_run(exported, identity, compiler, flags, 6 * STEPS)
     assert len(words) == 1 + size_of(identity.memory_type)
 
 
