@@ -7,7 +7,7 @@ from synthetic_imu import FIELD
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.kernel_files import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
+from h2nav.attitude.kernel_files import CONSTANT_GAIN, VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.native import compiled_step
 from h2nav.attitude.samples import EarthField, VehicleState
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
@@ -21,14 +21,14 @@ MULTIROTOR = "multirotor_100hz"
 SENSOR = "mpu9250_100hz"
 
 _VEHICLE = velocity_aided_gains(gain_files.load(MULTIROTOR), MULTIROTOR)
-_SENSOR = gain_files.load(SENSOR)
+_MODEL = constant_gain_model(gain_files.load(SENSOR), SENSOR)
 
 FILTERS: dict[str, Callable[[], AttitudeFilter]] = {
     "velocity_aided": lambda: VelocityAidedFilter(_VEHICLE, compiled_step(VELOCITY_AIDED)),
     "velocity_aided_integer": lambda: IntegerVelocityAidedFilter(
         _VEHICLE, MULTIROTOR, compiled_step(VELOCITY_AIDED_INTEGER)
     ),
-    "constant_gain": lambda: ConstantGainFilter(constant_gain_model(_SENSOR, SENSOR)),
+    "constant_gain": lambda: ConstantGainFilter(_MODEL, compiled_step(CONSTANT_GAIN)),
 }
 
 

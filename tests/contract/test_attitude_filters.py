@@ -1,5 +1,6 @@
 """What every attitude filter promises (`h2nav.attitude.filter`), whatever its arithmetic."""
 
+import functools
 import math
 from collections.abc import Iterable
 
@@ -237,17 +238,23 @@ def test_a_restart_forgets_time_and_attitude_and_keeps_the_bias(name: str) -> No
 # --- memory -------------------------------------------------------------------------------------
 
 
+@functools.cache
+def interrupted() -> list[ImuSample]:
+    """A flight with a gap of 0.3 s and one of 2 s, and with clipped samples."""
+    flight = fly(gentle, 4.0, 19, field_every=3, disturbance=Disturbance(force=breeze))
+    return [
+        s._replace(t_us=s.t_us + 300_000 * (i > 100) + 2_000_000 * (i > 300), clipped=i % 150 == 7)
+        for i, s in enumerate(flight.samples)
+    ]
+
+
 @every_filter
 @settings(derandomize=True, deadline=None, max_examples=25)
 @given(split=st.integers(0, 400), aided=st.booleans(), told=st.booleans(), ground=st.booleans())
 def test_a_run_split_anywhere_is_identical(
     name: str, split: int, aided: bool, told: bool, ground: bool
 ) -> None:
-    flight = fly(gentle, 4.0, 19, field_every=3, disturbance=Disturbance(force=breeze))
-    samples = [
-        s._replace(t_us=s.t_us + 300_000 * (i > 100) + 2_000_000 * (i > 300), clipped=i % 150 == 7)
-        for i, s in enumerate(flight.samples)
-    ]
+    samples = interrupted()
     fixes = standing if aided else None
     field = FIELD._replace(declination_rad=0.2) if told else None
     whole, first = (new_filter(name, GROUND if ground else FLYING, field) for _ in range(2))
