@@ -6,6 +6,7 @@ returns what its sensors and its autopilot showed; `lost_flights` writes it as a
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -40,9 +41,12 @@ STIFF_N_M, DAMPED_N_S_M, FRICTION = 1500.0, 26.0, 0.6
 STICKS_M_S, STICKS_RAD_S = 0.3, 0.5
 # Angle and rate controllers as ArduCopter's defaults.
 ANGLE_P, RATE_P, RATE_I, RATE_D, YAW_P, YAW_I = 4.5, 0.135, 0.135, 0.0036, 0.18, 0.018
-NO_YAW = np.array((1.0, 1.0, 0.0))
+GAINS_P, GAINS_I = np.array((RATE_P, RATE_P, YAW_P)), np.array((RATE_I, RATE_I, YAW_I))
+NO_YAW, UP = np.array((1.0, 1.0, 0.0)), np.array((0.0, 0.0, 1.0))
+GRAVITY_N, DRAG_SHARES = GRAVITY_M_S2 * UP, np.array((1.0, 1.0, 0.6))
 LEAN_MAX_RAD, CLIMB_M_S, SPEED_M_S = 30.0 * DEG, 2.5, 8.0
 AIR_FILTER_HZ = 20.0
+AIR_MIX = 1.0 - math.exp(-2.0 * math.pi * AIR_FILTER_HZ * STEP_S)
 GATE, GLITCH_S = 5.0, 7.0
 LEVEL = math.cos(HOME.field.dip_rad)
 FIELD_N_UT = HOME.field.norm_ut * np.array(
@@ -78,8 +82,18 @@ def cross(a: Array, b: Array) -> Array:
     return np.array((y * w - z * v, z * u - x * w, x * v - y * u))
 
 
+def length(v: Array) -> float:
+    """The bits of numpy's norm, at a fifth of its cost."""
+    return math.sqrt(v.dot(v))
+
+
+def clipped(v: Array, most: float) -> Array:
+    return np.array([min(max(x, -most), most) for x in v.tolist()])
+
+
 def skew(v: Array) -> Array:
-    return np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))
+    x, y, z = v.tolist()
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
 def turned(R: Array, by: Array) -> Array:
@@ -90,9 +104,9 @@ def turned(R: Array, by: Array) -> Array:
 
 def upright(R: Array) -> Array:
     """The rotation again, after many steps."""
-    x = R[:, 0] / np.linalg.norm(R[:, 0])
+    x = R[:, 0] / length(R[:, 0])
     y = R[:, 1] - x * float(x @ R[:, 1])
-    y /= np.linalg.norm(y)
+    y /= length(y)
     return np.column_stack((x, y, cross(x, y)))
 
 
@@ -143,7 +157,7 @@ class Copter:
         self.crash_s = self.low_s = self.loss_s = self.bad_s = 0.0
         self.force_n = np.array((0.0, 0.0, -MASS_KG * GRAVITY_M_S2))
         # estimate
-        self.est_past: list[tuple[Array, Array]] = []
+        self.est_past: deque[tuple[Array, Array]] = deque(maxlen=2)
         self.R_est, self.p_est, self.v_est = self.R.copy(), self.p.copy(), np.zeros(3)
         self.f_low, self.w_low = np.array((0.0, 0.0, -GRAVITY_M_S2)), np.zeros(3)
         self.ratios = np.zeros(4)  # velocity, position, height, field
@@ -151,7 +165,7 @@ class Copter:
         self.refused_s = np.zeros(2)
         self.fix = (self.p.copy(), np.zeros(3))
         self.baro_m, self.field_b = 0.0, np.zeros(3)
-        self.past: list[tuple[Array, Array]] = []
+        self.past: deque[tuple[Array, Array]] = deque(maxlen=RATE_HZ // 5)
         # faults
         self.effective = np.ones(self.motors)
         self.runs_away = np.zeros(self.motors, bool)  # full thrust, whatever it is asked
@@ -230,17 +244,17 @@ class Copter:
 
     def _row(self) -> dict[str, Any]:
         return {
-            "t_s": self.t_s, "w": self.w_low.copy(), "f": self.f_low.copy(), "R": self.R.copy(),
-            "R_est": self.R_est.copy(), "p": self.p.copy(), "v": self.v.copy(),
-            "p_est": self.p_est.copy(), "v_est": self.v_est.copy(), "asked": self.asked.copy(),
-            "rates_asked": self.rates_asked.copy(), "output": self.output.copy(),
+            "t_s": self.t_s, "w": self.w_low.tolist(), "f": self.f_low.tolist(), "R": self.R.tolist(),
+            "R_est": self.R_est.tolist(), "p": self.p.tolist(), "v": self.v.tolist(),
+            "p_est": self.p_est.tolist(), "v_est": self.v_est.tolist(), "asked": self.asked.tolist(),
+            "rates_asked": self.rates_asked.tolist(), "output": self.output.tolist(),
             "fix_p": self.fix[0], "fix_v": self.fix[1], "has_fix": self.gps_fix,
-            "baro": self.baro_m, "field": self.field_b.copy(), "volts": self.voltage_v,
+            "baro": self.baro_m, "field": self.field_b.tolist(), "volts": self.voltage_v,
             "amps": self.amps, "mah": self.used_mah, "throttle": self.throttle_out,
-            "sticks": np.array(self.sticks), "ratios": self.ratios.copy(),
-            "innovation": self.innovation.copy(), "shake": self.shake_m_s2, "clip": self.clip,
+            "sticks": self.sticks, "ratios": self.ratios.tolist(),
+            "innovation": self.innovation.tolist(), "shake": self.shake_m_s2, "clip": self.clip,
             "armed": self.armed, "height_asked": self.hold_height, "climb_asked": self.climb_asked,
-            "link": self.link, "off": np.concatenate((self.gyro_offset, self.force_offset)),
+            "link": self.link, "off": [*self.gyro_offset.tolist(), *self.force_offset.tolist()],
         }  # fmt: skip
 
     # --- sensors and estimate
@@ -248,17 +262,16 @@ class Copter:
     def _sense(self, step: int) -> None:
         f_b = self.R.T @ self.force_n / MASS_KG
         f_b = f_b + self.force_offset + self.shake_m_s2 * self.rng.standard_normal(3)
-        self.clip += int(np.abs(f_b).max() > 150.0)
-        f_b = f_b.clip(-156.9, 156.9)
+        self.clip += int(max(map(abs, f_b.tolist())) > 150.0)
+        f_b = clipped(f_b, 156.9)
         w_b = self.w + self.gyro_offset + 0.003 * self.rng.standard_normal(3)
-        mix = 1.0 - math.exp(-2.0 * math.pi * AIR_FILTER_HZ * STEP_S)
-        self.f_low = self.f_low + mix * (f_b - self.f_low)
-        self.w_low = self.w_low + mix * (w_b - self.w_low)
+        self.f_low = self.f_low + AIR_MIX * (f_b - self.f_low)
+        self.w_low = self.w_low + AIR_MIX * (w_b - self.w_low)
         self.R_est = turned(self.R_est, w_b * STEP_S)
-        a_n = self.R_est @ f_b + np.array((0.0, 0.0, GRAVITY_M_S2))
+        a_n = self.R_est @ f_b + GRAVITY_N
         self.v_est = self.v_est + a_n * STEP_S
         self.p_est = self.p_est + self.v_est * STEP_S
-        self.past.append((self.p.copy(), self.v.copy()))
+        self.past.append((self.p, self.v))
         if step % (RATE_HZ // 10) == 0:
             self._aid_slow()
         if step % (RATE_HZ // 5) == 0:
@@ -288,8 +301,7 @@ class Copter:
         self.R_est = turned(np.eye(3), np.array((0.0, 0.0, 0.06 * error))) @ self.R_est
 
     def _aid_gps(self) -> None:
-        lag = min(RATE_HZ // 5, len(self.past))
-        p, v = self.past[-lag]
+        p, v = self.past[0]
         noise = self.rng.standard_normal(6)
         self.gps_drift = self.gps_drift + self.gps_speed * 0.2
         p = p + self.gps_offset + self.gps_drift + np.array((0.1, 0.1, 0.2)) * noise[:3]
@@ -301,7 +313,7 @@ class Copter:
                 self.say("EKF3 IMU0 stopped aiding")
             return
         self.est_past.append((self.p_est.copy(), self.v_est.copy()))
-        p_then, v_then = self.est_past[-min(2, len(self.est_past))]
+        p_then, v_then = self.est_past[0]
         dp, dv = p - p_then, v - v_then
         self.innovation[:5] = (*dv, *dp[:2])
         self.ratios[0] = float(np.linalg.norm(dv[:2])) / 2.5
@@ -339,23 +351,23 @@ class Copter:
             self.yaw_asked = yaw
             return
         # Angle errors on the body's axes, by small angles of the demanded against the true up.
-        up = self.R_est.T @ np.array((0.0, 0.0, 1.0))
+        up = self.R_est.T @ UP
         ar, ap = self.asked[0], self.asked[1]
         wanted = np.array((-math.sin(ap), math.cos(ap) * math.sin(ar), math.cos(ap) * math.cos(ar)))
         off = cross(up, wanted)
         if float(up @ wanted) < 0.0:
-            off = off / max(float(np.linalg.norm(off)), 1e-6)
+            off = off / max(length(off), 1e-6)
         yaw_off = (self.yaw_asked - yaw + math.pi) % math.tau - math.pi
         rates = np.array((-ANGLE_P * off[0], -ANGLE_P * off[1], 2.5 * yaw_off))
-        self.rates_asked = np.clip(rates, -6.0, 6.0)
+        self.rates_asked = clipped(rates, 6.0)
         error = self.rates_asked - self.w_low
         if self.throttle_out > 0.05 and not self.landed:
-            self.integral = np.clip(self.integral + error * STEP_S, -3.0, 3.0)
+            self.integral = clipped(self.integral + error * STEP_S, 3.0)
         slope = (error - self.before) / STEP_S
         self.before = error
         self.slope = self.slope + 0.45 * (slope - self.slope)
-        now = np.array((RATE_P, RATE_P, YAW_P)) * error + RATE_D * NO_YAW * self.slope
-        out = self.gain * now + np.array((RATE_I, RATE_I, YAW_I)) * self.integral
+        now = GAINS_P * error + RATE_D * NO_YAW * self.slope
+        out = self.gain * now + GAINS_I * self.integral
         out[0] *= self.reversed_roll
         self._mix(out)
 
@@ -366,17 +378,17 @@ class Copter:
             return
         tilt = self.roll_mix * out[0] + self.pitch_mix * out[1]
         tilt = tilt * 0.5
-        spread = float(np.ptp(tilt))
+        tilts = tilt.tolist()
+        spread = max(tilts) - min(tilts)
         if spread > 1.0:
             tilt = tilt / spread
         room = max(0.2, 1.0 - spread)
-        yaw = np.clip(self.spin * out[2] * 0.5, -0.5 * room, 0.5 * room)
-        both = tilt + yaw
-        throttle = self.throttle_out
-        high, low = float(both.max()), float(both.min())
+        both = tilt + clipped(self.spin * out[2] * 0.5, 0.5 * room)
+        throttle, boths = self.throttle_out, both.tolist()
+        high, low = max(boths), min(boths)
         throttle = min(throttle, 1.0 - high) if 1.0 - high > 0.5 * (1.0 - low) else throttle
         best = max(-low, min(throttle, 1.0 - high)) if high - low <= 1.0 else 0.5
-        share = np.clip(best + both, 0.0, 1.0)
+        share = np.minimum(np.maximum(best + both, 0.0), 1.0)
         if self.landed and self.throttle_out < 0.05:
             share[:] = 0.0
         # Linear in thrust, as MOT_THST_EXPO makes it.
@@ -420,7 +432,7 @@ class Copter:
         if self.mode == "LOITER":
             wanted = np.array((-stick.pitch, stick.roll)) * SPEED_M_S
             wanted = np.array((c * wanted[0] - s * wanted[1], s * wanted[0] + c * wanted[1]))
-            if np.any(wanted):
+            if wanted[0] or wanted[1]:
                 self.hold = p + v * 0.5
             else:
                 self.hold = p.copy() if self.hold is None else self.hold
@@ -431,15 +443,15 @@ class Copter:
         else:
             goal = np.zeros(2) if self.mode == "RTL" else self.target[:2]
             wanted = 0.8 * (goal - p)
-        size = float(np.linalg.norm(wanted))
+        size = length(wanted)
         if size > SPEED_M_S:
             wanted = wanted * (SPEED_M_S / size)
         gap = wanted - v
-        self.velocity_i = np.clip(self.velocity_i + 0.5 * gap * dt, -4.0, 4.0)
+        self.velocity_i = clipped(self.velocity_i + 0.5 * gap * dt, 4.0)
         if self.landed:
             self.velocity_i[:] = 0.0
         a = 1.6 * gap + self.velocity_i
-        size = float(np.linalg.norm(a))
+        size = length(a)
         most = GRAVITY_M_S2 * math.tan(LEAN_MAX_RAD)
         a = a * (most / size) if size > most else a
         forward, right = c * a[0] + s * a[1], -s * a[0] + c * a[1]
@@ -454,10 +466,10 @@ class Copter:
         elif self.mode == "LAND":
             climb = -1.5 if height > 10.0 else -0.5
         elif self.mode == "RTL":
-            near = float(np.linalg.norm(self.p_est[:2])) < 2.0
-            climb = float(np.clip(15.0 - height, 0.0, 2.0)) if not near else -0.7
+            near = length(self.p_est[:2]) < 2.0
+            climb = min(max(15.0 - height, 0.0), 2.0) if not near else -0.7
         elif self.mode in ("AUTO", "GUIDED"):
-            climb = float(np.clip(-self.target[2] - height, -1.5, 2.5))
+            climb = min(max(-self.target[2] - height, -1.5), 2.5)
         self.hold_height += climb * dt
         self.hold_height = min(max(self.hold_height, height - 2.0), height + 2.0)
         self.climb_asked = climb
@@ -469,12 +481,12 @@ class Copter:
         gap = wanted + self.v_est[2]
         a = 3.0 * gap
         f_up = -float((self.R_est @ self.f_low)[2]) - GRAVITY_M_S2
-        self.climb_i = float(np.clip(self.climb_i + 0.08 * (a - f_up) * dt, -0.35, 0.6))
+        self.climb_i = min(max(self.climb_i + 0.08 * (a - f_up) * dt, -0.35), 0.6)
         base = HOVER_SHARE / max(math.cos(pitch) * math.cos(roll), 0.5)
-        self.throttle_out = float(np.clip(base + 0.02 * (a - f_up) + self.climb_i, 0.0, 1.0))
+        self.throttle_out = min(max(base + 0.02 * (a - f_up) + self.climb_i, 0.0), 1.0)
 
     def _land_check(self, dt: float) -> None:
-        still = abs(self.v_est[2]) < 1.0 and float(np.linalg.norm(self.w_low)) < 0.3
+        still = abs(self.v_est[2]) < 1.0 and length(self.w_low) < 0.3
         low = self.throttle_out < 0.2
         self.grounded_s = self.grounded_s + dt if still and low and not self.landed else 0.0
         if self.grounded_s > 1.0:
@@ -489,7 +501,7 @@ class Copter:
         roll, pitch, _ = rpy(self.R_est)
         off = math.hypot(roll - self.asked[0], pitch - self.asked[1])
         self.crash_s = self.crash_s + SLOWER * STEP_S if off > 30.0 * DEG else 0.0
-        if self.crash_s > 2.0 and np.linalg.norm(self.v_est) < 10.0:
+        if self.crash_s > 2.0 and length(self.v_est) < 10.0:
             self.error(12, 1)
             self.say(f"Crash: Disarming: AngErr={off / DEG:.0f}>30, Accel=1.2<3.0")
             self.disarm(16)
@@ -498,13 +510,14 @@ class Copter:
             if self.low_s > 10.0 and self.once("battery"):
                 self.say(f"Battery 1 is low {self.voltage_v:.2f}V used {self.used_mah:.0f} mAh")
                 self.error(6, 1)
-        full = float(self.output.max()) > 0.94 and float(self.output.mean()) > 0.6
+        output = self.output.tolist()
+        full = max(output) > 0.94 and sum(output) > 0.6 * self.motors
         sinking = full and self.v_est[2] > 0.3
         self.loss_s = self.loss_s + SLOWER * STEP_S if sinking else 0.0
         if self.loss_s > 1.0 and self.once("thrust", 10.0):
             self.error(25, 1)
             self.say(f"Potential Thrust Loss ({int(np.argmax(self.output)) + 1})")
-        bad = int(np.sum(self.ratios > 0.8)) >= 2
+        bad = sum(ratio > 0.8 for ratio in self.ratios.tolist()) >= 2
         no_position = not self.gps_fix and self.refused_s[0] > 10.0
         self.bad_s = self.bad_s + SLOWER * STEP_S if bad or no_position else 0.0
         if self.bad_s > 1.0 and self.once("EKF", 30.0):
@@ -519,23 +532,24 @@ class Copter:
 
     def _move(self) -> None:
         e = EXPO
-        actuator = np.clip((self.output - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0, 1.0)
+        actuator = (self.output - SPIN_MIN) / (SPIN_MAX - SPIN_MIN)
+        actuator = np.minimum(np.maximum(actuator, 0.0), 1.0)
         share = (1.0 - e) * actuator + e * actuator**2
         share = share * (self.voltage_v / 12.3) ** 2 * self.effective
         share[self.output < 0.05] = 0.0
         share[self.runs_away] = (self.voltage_v / 12.3) ** 2
         self.given = self.given + (share - self.given) * (STEP_S / self.motor_s)
         thrust = self.given * MASS_KG * GRAVITY_M_S2 / HOVER_SHARE / self.motors
-        self.amps = 0.4 + HOVER_A * float(((self.given / HOVER_SHARE) ** 1.2).mean())
+        self.amps = 0.4 + HOVER_A * sum(((self.given / HOVER_SHARE) ** 1.2).tolist()) / self.motors
         self.voltage_v = self.pack_v - self.amps * self.sag_ohm
         self.used_mah += self.amps * STEP_S / 3.6
-        force_b = np.array((0.0, 0.0, -float(thrust.sum())))
+        force_b = np.array((0.0, 0.0, -sum(thrust.tolist())))
         torque = np.array((
             -float(self.at_b[:, 1] @ thrust), float(self.at_b[:, 0] @ thrust),
             YAW_M * float(self.spin @ thrust),
         ))  # fmt: skip
         air = self.v - self.wind
-        force_n = self.R @ force_b - DRAG_KG_S * air * np.array((1.0, 1.0, 0.6))
+        force_n = self.R @ force_b - DRAG_KG_S * air * DRAG_SHARES
         torque = torque - TURN_DRAG * self.w
         ground_n, ground_t = self._ground()
         force_n = force_n + ground_n
@@ -550,7 +564,7 @@ class Copter:
                 self.effective[0] = 0.0  # the propeller that struck it
         self.force_n = force_n
         mass = MASS_KG * self.weight
-        a = force_n / mass + np.array((0.0, 0.0, GRAVITY_M_S2))
+        a = force_n / mass + GRAVITY_N
         if self.weight != 1.0:
             self.force_n = force_n / self.weight
         self.v = self.v + a * STEP_S
@@ -558,7 +572,7 @@ class Copter:
         turn = cross(self.w, INERTIA_KG_M2 * self.w)
         self.w = self.w + (torque - turn) / INERTIA_KG_M2 * STEP_S
         self.R = turned(self.R, self.w * STEP_S)
-        is_slow = np.linalg.norm(self.v) < STICKS_M_S and np.linalg.norm(self.w) < STICKS_RAD_S
+        is_slow = length(self.v) < STICKS_M_S and length(self.w) < STICKS_RAD_S
         if is_slow and not self.armed and np.any(ground_n):
             self.v, self.w = np.zeros(3), np.zeros(3)
 
@@ -572,7 +586,7 @@ class Copter:
         for k in inside.tolist():
             speed = self.v + self.R @ cross(self.w, self.touching[k])
             push = max(STIFF_N_M * float(depth[k]) + DAMPED_N_S_M * float(speed[2]), 0.0)
-            slide = speed[:2] / max(float(np.linalg.norm(speed[:2])), 0.1)
+            slide = speed[:2] / max(length(speed[:2]), 0.1)
             one = np.array((-FRICTION * push * slide[0], -FRICTION * push * slide[1], -push))
             force += one
             torque += cross(self.touching[k], self.R.T @ one)
