@@ -244,11 +244,11 @@ class Copter:
 
     def _row(self) -> dict[str, Any]:
         return {
-            "t_s": self.t_s, "w": self.w_low.tolist(), "f": self.f_low.tolist(), "R": self.R.tolist(),
-            "R_est": self.R_est.tolist(), "p": self.p.tolist(), "v": self.v.tolist(),
-            "p_est": self.p_est.tolist(), "v_est": self.v_est.tolist(), "asked": self.asked.tolist(),
-            "rates_asked": self.rates_asked.tolist(), "output": self.output.tolist(),
-            "fix_p": self.fix[0], "fix_v": self.fix[1], "has_fix": self.gps_fix,
+            "t_s": self.t_s, "w": self.w_low.tolist(), "f": self.f_low.tolist(),
+            "R": self.R.tolist(), "R_est": self.R_est.tolist(), "p": self.p.tolist(),
+            "v": self.v.tolist(), "p_est": self.p_est.tolist(), "v_est": self.v_est.tolist(),
+            "asked": self.asked.tolist(), "rates_asked": self.rates_asked.tolist(),
+            "output": self.output.tolist(), "fix_p": self.fix[0], "fix_v": self.fix[1], "has_fix": self.gps_fix,
             "baro": self.baro_m, "field": self.field_b.tolist(), "volts": self.voltage_v,
             "amps": self.amps, "mah": self.used_mah, "throttle": self.throttle_out,
             "sticks": self.sticks, "ratios": self.ratios.tolist(),

@@ -1,5 +1,6 @@
 """Seeded flights that accelerate, with their velocities, and the default filter held by them."""
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -54,6 +55,7 @@ def turning(t: float) -> Vec3:
     return (0.5 * math.cos(0.7 * t), 0.5 * math.cos(0.9 * t), 0.8 * math.sin(0.15 * t))
 
 
+@functools.lru_cache(maxsize=4)
 def accelerating(
     seconds: float,
     seed: int,
@@ -62,7 +64,10 @@ def accelerating(
     start: Quat = quaternion.IDENTITY,
     bias_b: Vec3 = (1.0 * DEG, -0.7 * DEG, 0.5 * DEG),
 ) -> Drive:
-    """A vehicle that turns with `law` and accelerates by `force` (m/s^2, body); 100 Hz."""
+    """A vehicle that turns with `law` and accelerates by `force` (m/s^2, body); 100 Hz.
+
+    Those who change it change a copy: many tests begin with the same one.
+    """
     added = Disturbance(force=force)
     flight = fly(law, seconds, seed, disturbance=added, start=start, bias_b=bias_b)
     v: Vec3 = (0.0, 0.0, 0.0)

@@ -268,6 +268,8 @@ class _Comparison:
         self._model = window.with_noise(window.force_density)
         self._moves: dict[int, tuple[float, float]] = {}  # since a row
         self._usual_shift_m_s2 = _usual_shift(known.shifts)
+        begun_us = rows[0].begun.moment.t_us
+        self._shifts = [shift for shift in known.shifts if shift.t_us >= begun_us]
 
     @property
     def unseen_rad(self) -> float:
@@ -498,7 +500,7 @@ class _Comparison:
         ratios = [
             math.log1p((u * u + v * v) / (SHIFT_TAILS * square))
             - math.log1p(((u - x) ** 2 + (v - y) ** 2) / (SHIFT_TAILS * known))
-            for t_us, u, v in self._known.shifts
+            for t_us, u, v in self._shifts
             if first_us <= t_us < last_us
         ]
         if not ratios:
