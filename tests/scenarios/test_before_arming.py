@@ -26,7 +26,7 @@ def told(flight):
 
 @pytest.mark.parametrize("imus", [1, 2, 3])
 def test_a_sound_vehicle_has_no_fault(imus):
-    flight = SimulatedFlight("rest", imus=imus).run(16.0)
+    flight = SimulatedFlight("rest", imus=imus).run(12.0)
     faults, judged = flight.pipeline.service.before_arming
     assert not faults
     assert {Item.GYRO, Item.ACCELEROMETER, Item.COMPASS, Item.TILT} <= judged
@@ -50,18 +50,18 @@ def test_a_sound_vehicle_has_no_fault(imus):
     ),
 )
 def test_a_fault_on_the_ground_is_said_once(fault, imus, expected):
-    flight = SimulatedFlight("rest", imus=imus, faults=(fault,)).run(20.0)
+    flight = SimulatedFlight("rest", imus=imus, faults=(fault,)).run(16.0)
     assert expected in told(flight)
     said = [text for _, _, text in flight.seen.notices if text.startswith("before arming")]
     assert len(said) == len(set(said)) > 0
 
 
 def test_once_armed_nothing_is_said():
-    flight = SimulatedFlight("hover", faults=("gyro-bias=4@0",)).run(16.0)
+    flight = SimulatedFlight("hover", faults=("gyro-bias=4@0",)).run(10.0)
     assert not told(flight)
 
 
-def answer_of(flight, *, seconds=15.0):
+def answer_of(flight, *, seconds=8.0):
     """The acknowledgements of an arm authorization request."""
     flight.run(seconds)
     envelope = Envelope(flight.t_ns, flight.t_ns, (1, 1), mavlink.MAVLINK_MSG_ID_COMMAND_LONG)
