@@ -59,29 +59,31 @@ class Imu:
     def sample(self, t_s):
         true_s = t_s - self.late_s
         w, f = rate(true_s), force(true_s)
-        w_dot = tuple(
-            (a - b) * 500.0 for a, b in zip(rate(true_s + 1e-3), rate(true_s - 1e-3), strict=True)
-        )
-        r = (self.lever_m, 0.0, 0.0)
-        f = add(f, cross(w_dot, r), cross(w, cross(w, r)))
-        w, f = self._as_read(w), self._as_read(f)
+        if self.lever_m:
+            f = add(f, *self._swept(w, true_s))
+        if self.turned or self.scale != 1.0:
+            w, f = self._as_read(w), self._as_read(f)
         w = add(w, self.bias, 3 * (self.drift * t_s,))
         if t_s >= FAULT_S:
             w = self.gyro_fault(w, t_s) if self.gyro_fault else w
             f = self.force_fault(f, t_s) if self.force_fault else f
-        w = tuple(round(x + self._noise(0.003), 3) for x in w)
-        f = tuple(round(x + self._noise(0.05 + self.shaken_m_s2), 2) for x in f)
+        noise, shaken_m_s2 = self._random.gauss, 0.05 + self.shaken_m_s2
+        w = tuple([round(x + noise(0.0, 0.003), 3) for x in w])
+        f = tuple([round(x + noise(0.0, shaken_m_s2), 2) for x in f])
         if t_s >= FAULT_S and self.gyro_fault is frozen:
             w = self._still = self._still or w
         return ImuSample(round(t_s * 1e6), w, f)
+
+    def _swept(self, w, t_s):
+        before, after = rate(t_s - 1e-3), rate(t_s + 1e-3)
+        w_dot = tuple((a - b) * 500.0 for a, b in zip(after, before, strict=True))
+        r = (self.lever_m, 0.0, 0.0)
+        return cross(w_dot, r), cross(w, cross(w, r))
 
     def _as_read(self, v):
         x, y, z = (self.scale * each for each in v)
         c, s = math.cos(self.turned), math.sin(self.turned)
         return x, c * y - s * z, s * y + c * z
-
-    def _noise(self, size):
-        return self._random.gauss(0.0, size)
 
 
 def add(*vectors):
