@@ -13,6 +13,7 @@ from h2nav.sim.personalities import ARDUPILOT, PX4
 
 AUTOPILOT, US = (1, 1), (1, 191)
 QUIET = AutopilotSettings(compare_rate_hz=0.0)
+SEEN_S = 16.0  # a difference is shown before
 
 
 class Answering(SimulatedFlight):
@@ -37,7 +38,7 @@ class Answering(SimulatedFlight):
 def test_the_difference_is_shown_and_sent():
     output = OutputSettings(difference_rate_hz=5.0)
     flight = Answering("rest", configuration=Configuration(autopilot=QUIET, output=output))
-    flight.reports(30.0, turned_deg=20.0)
+    flight.reports(SEEN_S, turned_deg=20.0)
     assert flight.health.autopilot_heading_deg == pytest.approx(20.0, abs=0.3)
     assert flight.health.autopilot_tilt_deg == pytest.approx(0.0, abs=0.3)
     values = {
@@ -45,20 +46,20 @@ def test_the_difference_is_shown_and_sent():
     }
     assert values["h2_yaw_dif"] == pytest.approx(20.0, abs=0.3)
     assert values["h2_tiltdif"] == pytest.approx(0.0, abs=0.3)
-    flight.run(34.0)
+    flight.run(SEEN_S + 4.0)
     assert flight.health.autopilot_heading_deg is None
 
 
 @pytest.mark.parametrize("sender", few(2, [US, (1, 2), (2, 1), (255, 190)]))
 def test_nobody_elses_attitude_is_taken_for_the_autopilots(sender):
     flight = Answering("rest", configuration=Configuration(autopilot=QUIET))
-    flight.reports(25.0, turned_deg=20.0, sender=sender)
+    flight.reports(SEEN_S, turned_deg=20.0, sender=sender)
     assert flight.health.autopilot_heading_deg is None
 
 
 def test_ahrs2_alone_is_no_difference_of_the_autopilot():
     flight = Answering("rest", configuration=Configuration(autopilot=QUIET))
-    flight.reports(25.0, turned_deg=20.0, second=True)
+    flight.reports(SEEN_S, turned_deg=20.0, second=True)
     assert flight.health.autopilot_heading_deg is None
 
 
@@ -68,7 +69,7 @@ def test_ahrs2_alone_is_no_difference_of_the_autopilot():
 )
 def test_what_is_missing_is_asked_for_last_and_nobody_hears_of_it(personality, wanted):
     """PX4 sends ATTITUDE by itself, and knows no AHRS2."""
-    flight = SimulatedFlight("rest", personality=personality).run(60.0)
+    flight = SimulatedFlight("rest", personality=personality).run(20.0)
     asked = [
         (round(m.param1), 1e6 / m.param2)
         for _, m in flight.seen.sent

@@ -54,19 +54,25 @@ def a_parameter(value, name=b"INS_GYRO_FILTER"):
 def test_attitudes_are_those_of_the_time_that_they_claim(personality):
     """At up to 190 deg/s 6 ms are 1.1 deg, and 50 ms of the field 9 deg."""
     found = [
-        SimulatedFlight("aggressive", personality=personality, configuration=chosen).run(26.0)
+        SimulatedFlight("aggressive", personality=personality, configuration=chosen).run(20.0)
         for chosen in (SIMULATED, with_autopilot(gyro_delay_s=0.005, field_delay_s=0.0))
     ]
     known, ignored = (flight.reference.table(skip_s=10.0) for flight in found)
     assert known.total < ignored.total
 
 
-def test_a_low_pass_of_another_cutoff_is_asked_for_and_told(tmp_path):
-    path = tmp_path / "flight.mcap"
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory):
+    """A flight with another cutoff, and its log."""
+    path = tmp_path_factory.mktemp("logged") / "flight.mcap"
     with Recorder.to_file(path) as recorder:
         filters = FilterFactory.shipped(SIMULATED.filter, SIMULATED.autopilot.imu_rate_hz)
         attach_inputs(recorder, SIMULATED, filters, 1_795_000_000.0)
-        flight = SimulatedFlight("hover", personality=FAST, recorder=recorder).run(12.0)
+        return SimulatedFlight("hover", personality=FAST, recorder=recorder).run(12.0), path
+
+
+def test_a_low_pass_of_another_cutoff_is_asked_for_and_told(logged):
+    flight, path = logged
     asked = questions(flight)
     names = [name for _, name in asked]
     assert names[0] == "INS_GYRO_FILTER"
@@ -76,13 +82,8 @@ def test_a_low_pass_of_another_cutoff_is_asked_for_and_told(tmp_path):
     assert delays_told(path) == pytest.approx([0.01125, 0.0028], abs=2e-5)
 
 
-def test_the_answer_is_in_the_log_and_a_replay_is_equal(tmp_path, capsys):
-    path = tmp_path / "flight.mcap"
-    with Recorder.to_file(path) as recorder:
-        filters = FilterFactory.shipped(SIMULATED.filter, SIMULATED.autopilot.imu_rate_hz)
-        attach_inputs(recorder, SIMULATED, filters, 1_795_000_000.0)
-        SimulatedFlight("hover", personality=FAST, recorder=recorder).run(12.0)
-    assert cli.main(["replay", str(path), "--no-log", "--json"]) == 0
+def test_the_answer_is_in_the_log_and_a_replay_is_equal(logged, capsys):
+    assert cli.main(["replay", str(logged[1]), "--no-log", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["estimates_equal"] == result["estimates_compared"] > 1000
 
