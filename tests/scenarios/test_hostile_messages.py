@@ -11,9 +11,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SIMULATED, SimulatedFlight
 
+from h2nav.apps.configuration import Configuration
 from h2nav.files.earth_field import earth_field_at
 from h2nav.integrity.findings import Severity
 from h2nav.service.effects import Notice
+from h2nav.service.settings import AutopilotSettings
 from h2nav.sim.personalities import PX4
 
 STATION = (255, 190)
@@ -124,7 +126,8 @@ def test_heartbeats_of_everybody_are_a_handful_of_lines():
 
 @pytest.mark.thorough
 def test_a_rival_is_told_once_a_minute():
-    flight = SimulatedFlight("rest").run(3.0)
+    slow = Configuration(autopilot=AutopilotSettings(imu_rate_hz=10.0))
+    flight = SimulatedFlight("rest", configuration=slow).run(3.0)
     for _ in range(70):
         flight.inject(heartbeat(), (9, 1))
         flight.run(flight.t_s + 1.0)
