@@ -1,8 +1,10 @@
 """Outside tools on our logs: pymcap-cli finds nothing wrong, Rerun reads and converts them."""
 
+import io
 import json
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from itertools import islice
 from pathlib import Path
 
@@ -75,11 +77,11 @@ def program(package: str, name: str) -> str:
 
 
 def findings(path: Path) -> set[str]:
-    """Codes of what pymcap-cli has to say, remarks included; errors fail at once."""
-    command = [program("pymcap_cli", "pymcap-cli"), "doctor", "--format", "jsonl", str(path)]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    """Codes of what `pymcap-cli doctor` has to say, remarks included; errors fail at once."""
+    doctor = need_package("pymcap_cli.cmd.doctor_cmd").doctor
+    with redirect_stdout(io.StringIO()) as said:
+        assert doctor(str(path), format="jsonl") == 0, said.getvalue()
+    lines = [json.loads(line) for line in said.getvalue().splitlines() if line.startswith("{")]
     (summary,) = [line for line in lines if line["type"] == "summary"]
     assert summary["messages"] > 0
     assert summary["complete"] is True
