@@ -3,6 +3,7 @@
 `H2NAV_RANGE_FUZZ=10000000` draws as many samples as a release does.
 """
 
+import functools
 import os
 import subprocess
 from pathlib import Path
@@ -32,6 +33,7 @@ def ranges(name: str, record_type: type) -> str:
     return f"{size}static const int32_t {name}_ranges[{len(ends)}][2] = {{{pairs}}};\n"
 
 
+@functools.cache
 def program() -> str:
     """The kernel, its tables and the loop over it."""
     translation = translate(kernel_sources(VELOCITY_AIDED_INTEGER), [VELOCITY_AIDED_INTEGER.entry])

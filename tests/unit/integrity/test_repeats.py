@@ -38,9 +38,9 @@ def stream(hz, seconds, noise, counts, seed=1):
 def watched(t_s, gyro, force):
     """The bits that accuse a sensor, of every sample."""
     watch = Watch()
-    rows = zip(t_s.tolist(), gyro.tolist(), force.tolist(), strict=True)
-    samples = [ImuSample(round(t * 1e6), tuple(w), tuple(f)) for t, w, f in rows]
-    return np.array([watch.check(sample) & ~UNSEEN_TURN for sample in samples])
+    t_us = np.round(1e6 * t_s).astype(int).tolist()
+    samples = map(ImuSample, t_us, *(zip(*each.T.tolist(), strict=True) for each in (gyro, force)))
+    return np.fromiter(map(watch.check, samples), int, len(t_us)) & ~UNSEEN_TURN
 
 
 @pytest.mark.parametrize("counts", [FLOATS, INTEGERS, (4 * GYRO_COUNT, 8 * FORCE_COUNT)])
