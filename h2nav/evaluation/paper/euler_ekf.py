@@ -55,7 +55,7 @@ class EulerEkf:
         # d(T w)/dPhi by central differences: exact to 1e-10, and free of slips.
         nudges = 1e-5 * np.eye(3)[:, None]
         change = kinematics(halfway + nudges, unbiased) - kinematics(halfway - nudges, unbiased)
-        F[:, :3, :3] += np.moveaxis(dt_s * change / 2e-5, 0, 2)
+        F[:, :3, :3] += (dt_s * change / 2e-5).transpose(1, 2, 0)
         F[:, :3, 3:] = -dt_s * T
         Q = np.zeros_like(F)
         Q[:, :3, :3] = (T * self._process[:3]) @ T.transpose(0, 2, 1) * dt_s

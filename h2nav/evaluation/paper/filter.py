@@ -51,7 +51,7 @@ def kinematics(angles: Matrix, rate: Matrix) -> Matrix:
 
 def kinematics_matrix(angles: Matrix) -> Matrix:
     """(N, 3, 3) the matrices T(Phi). Source: docs/derivation.md Eq. (5.1)."""
-    return np.moveaxis(kinematics(angles, np.eye(3)[:, None]), 0, 2)
+    return kinematics(angles, np.eye(3)[:, None]).transpose(1, 2, 0)
 
 
 def directions(angles: Matrix, vectors: Matrix) -> Matrix:
@@ -192,4 +192,5 @@ def _body_by_angles(angles: Matrix) -> Matrix:
 
 def _matrices(rows: tuple[tuple[Matrix, ...], ...]) -> Matrix:
     """(..., 3, 3) one matrix for each number of the entries."""
-    return np.ascontiguousarray(np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
+    entries = np.array(rows)
+    return np.ascontiguousarray(entries.transpose(*range(2, entries.ndim), 0, 1))
