@@ -243,6 +243,8 @@ class FaultSchedule:
 
     def number(self, name: str, t_s: float) -> float | None:
         """The argument of the fault if it is active at `t_s`, otherwise None."""
+        if name not in self._faults:
+            return None
         acting = self.acting(name, t_s)
         return float(acting[0].argument) if acting else None
 
