@@ -1,14 +1,14 @@
-"""Motion over real loopback: fake autopilot, daemon and replay as processes, checked by the log."""
+"""Motion over real loopback: fake autopilot and daemon as processes, checked by the log."""
 
 import bisect
 import math
-import subprocess
 
 import numpy as np
 import pytest
-from daemon_process import H2NAV, daemon, fake_autopilot, free_udp_port, the_log
+from daemon_process import daemon, fake_autopilot, free_udp_port, the_log
 from needs import DEG
 
+from h2nav.cli import main
 from h2nav.maths import quaternion
 from h2nav.recordings.recording import open_recording
 from h2nav.service.lateness import LATE_NS
@@ -44,7 +44,7 @@ def records(log, topic):
 def assert_replays_exactly(log, topics):
     """A replay gives the very same estimates of motion."""
     again = log.parent / "again.mcap"
-    subprocess.run([*H2NAV, "replay", str(log), "-o", str(again)], check=True, capture_output=True)
+    assert main(["replay", str(log), "-o", str(again)]) == 0
     for topic in topics:
         assert records(again, topic) == records(log, topic)
 
@@ -62,9 +62,7 @@ def in_time(log):
 def sent_odometry(log):
     """How many ODOMETRY frames the log says were sent."""
     folder = log.parent / "csv"
-    subprocess.run(
-        [*H2NAV, "log", "export", str(log), "-o", str(folder)], check=True, capture_output=True
-    )
+    assert main(["log", "export", str(log), "-o", str(folder)]) == 0
     (table,) = folder.glob("*tx*ODOMETRY*.csv")
     return len(table.read_text().splitlines()) - 1
 

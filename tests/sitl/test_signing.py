@@ -1,6 +1,7 @@
 """Message signing between processes: the daemon and the fake autopilot, with one key or two."""
 
 import contextlib
+import io
 import json
 import socket
 import subprocess
@@ -9,6 +10,7 @@ import pytest
 from daemon_process import H2NAV, WAIT_S, daemon, fake_autopilot, free_udp_port, the_log
 from signing_peer import Peer
 
+from h2nav.cli import main
 from h2nav.files.signing_keys import read_signing_key
 from h2nav.recordings.recording import open_recording
 
@@ -56,8 +58,9 @@ def test_a_signed_flight_is_estimated_answered_and_replayed(tmp_path, port, key_
     counts = last(log, "/signing")
     assert counts["signed"] > 300
     assert not any(counts[cause] for cause in ("unsigned", "bad_signature", "replayed"))
-    replay = [*H2NAV, "replay", str(log), "--no-log", "--json"]
-    result = json.loads(subprocess.run(replay, capture_output=True, check=True, text=True).stdout)
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        assert main(["replay", str(log), "--no-log", "--json"]) == 0
+    result = json.loads(said.getvalue())
     assert result["estimates_compared"] > 200
     assert result["estimates_equal"] == result["estimates_compared"]
 
