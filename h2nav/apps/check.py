@@ -8,10 +8,10 @@ from typing import Any
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
-from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
+from h2nav.host.stop_signals import StopSignals
 from h2nav.integrity.preflight import Item
 from h2nav.links.link_urls import FORMS
 from h2nav.service.service import Service

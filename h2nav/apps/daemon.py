@@ -6,16 +6,15 @@ blocks on a peer, or runs more often than there is work.
 
 import gc
 import select
-import signal
 import socket
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 from h2nav.apps.pipeline import Pipeline
 from h2nav.host.host_clock import UnixClock
 from h2nav.host.service_manager import ServiceManager
+from h2nav.host.stop_signals import StopSignals
 from h2nav.integrity.severity import Severity
 from h2nav.links.links import Link
 from h2nav.service.effects import Notice
@@ -27,39 +26,8 @@ CLOCK_STEP_NS = 500_000_000
 STALL_NS = 400_000_000
 # Reads per turn while there is a backlog, before timers run.
 READS_PER_ROUND = 8
-STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 # The recorder's thread shares the interpreter; Python's 5 ms switch could delay an attitude.
 THREAD_SWITCH_S = 1e-4
-
-
-class StopSignals:
-    """Turns SIGTERM, SIGINT and SIGHUP into a flag that also wakes `select`."""
-
-    def __init__(self) -> None:
-        self.stopped = False
-        self.wake, self._waker = socket.socketpair()
-        self._waker.setblocking(False)
-        self.wake.setblocking(False)
-
-    @contextmanager
-    def installed(self) -> Iterator["StopSignals"]:
-        """Installs the handlers inside the block."""
-        before = {number: signal.getsignal(number) for number in STOPPING}
-        before_fd = signal.set_wakeup_fd(self._waker.fileno(), warn_on_full_buffer=False)
-        for number in before:
-            signal.signal(number, lambda *_: self.stop())
-        try:
-            yield self
-        finally:
-            signal.set_wakeup_fd(before_fd)
-            for number, handler in before.items():
-                signal.signal(number, handler)
-            self.wake.close()
-            self._waker.close()
-
-    def stop(self) -> None:
-        """As a signal does, from within the process."""
-        self.stopped = True
 
 
 class Daemon:

@@ -23,7 +23,6 @@ from h2nav.apps.configuration import (
     contradictions,
 )
 from h2nav.apps.console import Console
-from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.apps.panel import Sight
@@ -31,6 +30,7 @@ from h2nav.apps.run import add_live_argument
 from h2nav.apps.session import Session
 from h2nav.attitude.samples import AttitudeEstimate
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.host.stop_signals import StopSignals
 from h2nav.integrity.findings import Severity
 from h2nav.recordings.reference import ErrorTable, Reference
 from h2nav.service.records import HealthRecord

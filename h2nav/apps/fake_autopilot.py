@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes, AutopilotSigning
-from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
 from h2nav.apps.parameter_files import read_parameters
 from h2nav.errors import BadInput
 from h2nav.files.signing_keys import read_signing_key
+from h2nav.host.stop_signals import StopSignals
 from h2nav.links.link_urls import FORMS
 from h2nav.links.links import Link
 from h2nav.links.server_links import FORMS as SERVER_FORMS

@@ -8,11 +8,11 @@ from pathlib import Path
 from h2nav.apps import configuration
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.console import Console
-from h2nav.apps.daemon import StopSignals
 from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
 from h2nav.host.runtime_folder import own_socket
+from h2nav.host.stop_signals import StopSignals
 from h2nav.links.link_urls import FORMS
 
 USUAL_ADDRESS = "127.0.0.1:8080"

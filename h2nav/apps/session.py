@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from h2nav import __version__
 from h2nav.apps.configuration import Configuration, left_out
 from h2nav.apps.console import Console
-from h2nav.apps.daemon import Daemon, StopSignals
+from h2nav.apps.daemon import Daemon
 from h2nav.apps.filters import FilterFactory
 from h2nav.apps.link_signing import LinkSigning
 from h2nav.apps.log_contents import attach_inputs, open_recorder
@@ -21,6 +21,7 @@ from h2nav.flights.records import FLIGHTS_TOPIC
 from h2nav.host.host_clock import UnixClock
 from h2nav.host.own_memory import give_back
 from h2nav.host.service_manager import ServiceManager
+from h2nav.host.stop_signals import StopSignals
 from h2nav.integrity.severity import Severity
 from h2nav.links.links import open_link
 from h2nav.service.effects import Notice, Send
