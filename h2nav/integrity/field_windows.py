@@ -32,6 +32,8 @@ NO_TURN_RATIO = 0.5
 # A gyro turns field and force together: allowed differences as shares of the turn and of the norm.
 RIGID_SHARE = 0.25
 RIGID_NORM = 0.1
+# Steel in the ground, a dipole, turns no field any more from a vehicle's height on.
+LEAVES_GROUND_US = 2 * ROW_US
 # A turn about the vertical: this multiple of its remaining tilt.
 MOSTLY = 2.0
 # Of a force that accelerates the vehicle by 2 m/s^2, and a calibrated field.
@@ -69,6 +71,7 @@ class FieldWindows:
         self.reference: EarthField | None = None  # the earth's field; None if unknown
         self._offset_rad = 0.0  # by which the compass's own offset may turn the field
         self._rows: deque[FieldRow] = deque(maxlen=ROWS)
+        self._same_surroundings_us = -math.inf  # since when it is in the air, or on the ground
         # of a row against a reference: whether it is plausible, which is asked for at every look
         self._fits: tuple[FieldRow, EarthField, bool] | None = None
 
@@ -83,6 +86,12 @@ class FieldWindows:
     def restart(self) -> None:
         """Restarts: no earlier row may be compared with later ones."""
         self._rows.clear()
+
+    def change_surroundings(self) -> None:
+        """Takes that the vehicle leaves the ground or meets it, and with it steel there."""
+        now_us = self._strapdown.t_us
+        if now_us is not None:
+            self._same_surroundings_us = now_us + LEAVES_GROUND_US
 
     def end_row(self) -> None:
         """Takes the row completed by the latest sample."""
@@ -177,12 +186,14 @@ class FieldWindows:
         ratio = turn_rad / (GATE * math.sqrt(variance))
         if ratio < NO_TURN_RATIO:
             return turn_rad, ratio
-        if self._has_agreed(first) and self._is_rigid(first, last, turn_rad):
+        if self._is_sound(first) and self._is_rigid(first, last, turn_rad):
             return turn_rad, ratio
         return turn_rad, math.nan
 
-    def _has_agreed(self, first: FieldRow) -> bool:
-        """Whether the field agreed with the attitude: iron and a turned compass turn it later."""
+    def _is_sound(self, first: FieldRow) -> bool:
+        """Whether no steel of the ground, no iron and no turned compass turns the field later."""
+        if first.t_us - ROW_US < self._same_surroundings_us:
+            return False
         return self.reference is None or self._ratio(first) < 1.0
 
     def turned_level(self, rows: int) -> bool:

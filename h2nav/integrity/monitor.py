@@ -387,6 +387,7 @@ class Monitor(TakesInputs):
         """Takes the autopilot's report of the vehicle."""
         if vehicle.on_ground != self._on_ground:
             self._force_size.begin()
+            self._field.windows.change_surroundings()
             self._landed_us = self._sample_us
         self._on_ground = vehicle.on_ground
 

@@ -294,6 +294,27 @@ def test_a_gyro_turns_field_and_force_together(first, last, is_of_gyro):
     assert math.isnan(bench.windows.turn(1)[1]) != is_of_gyro
 
 
+@pytest.mark.parametrize(("rows_since", "is_of_gyro"), [(0, False), (2, False), (3, True)])
+def test_over_a_take_off_steel_may_have_turned_the_field(rows_since, is_of_gyro):
+    """The first of the two rows begins two seconds after the take-off, or earlier."""
+    bench = Bench()
+    bench.row()
+    bench.windows.change_surroundings()
+    for _ in range(rows_since):
+        bench.row()
+    bench.row(turned=turn(ABOUT_Y, 40.0))
+    assert bench.windows.turn(1)[0] > 35.0 * DEG
+    assert math.isnan(bench.windows.turn(1)[1]) != is_of_gyro
+
+
+def test_over_a_take_off_a_field_that_stands_still_shows_no_turn():
+    bench = Bench()
+    bench.row()
+    bench.windows.change_surroundings()
+    bench.row()
+    assert bench.windows.turn(1)[1] < 0.1
+
+
 @pytest.mark.parametrize(
     ("tilt_deg", "heading_deg", "is_level"),
     [
