@@ -109,6 +109,12 @@ class FieldEvidence:
             headings.append(0.5 * abs(windows.heading_error_rad))
         return tilts, headings
 
+    def unknown_heading_rad(self, ratios: InnovationRatios) -> float:
+        """By how much a heading may be off that has been found by such a field, and by no other."""
+        if self._is_confirmed or not self._of_field.is_raised or not ratios.of_field > 1.0:
+            return 0.0
+        return self.windows.turn_by_iron_rad
+
     def _matters(self, ratios: InnovationRatios, *, on_ground: bool) -> bool:
         """Whether, in flight, a contradicting field is in use or was never confirmed otherwise."""
         if on_ground or not self._of_field.is_raised or not ratios.of_field > 1.0:

@@ -131,6 +131,15 @@ class FieldWindows:
         return min(abs(self.heading_error_rad) + abs(self.dip_error_rad) / level, math.pi)
 
     @property
+    def turn_by_iron_rad(self) -> float:
+        """By how much iron turns it that shows in dip and norm, if it is as large across them."""
+        if self.reference is None or not self._rows:
+            return 0.0
+        shown = math.hypot(self.dip_error_rad, self.norm_share - 1.0)
+        level = max(math.cos(self.reference.dip_rad), 0.05)
+        return math.asin(shown / level) if shown < level else math.pi
+
+    @property
     def is_plausible(self) -> bool:
         """Whether dip and norm of the latest row are the earth's, so that its heading counts."""
         reference = self.reference

@@ -114,6 +114,7 @@ class Monitor(TakesInputs):
         self._velocity = VelocityWindows(self._strapdown)
         self._field = FieldEvidence(self._watch, self._strapdown)
         self._opened = OpenedErrors()
+        self._unknown_heading_rad = 0.0  # what a field that was wrong from the start leaves open
         self._search = CauseSearch(self._strapdown, self._velocity, self._opened)
         self._force_size, self._force_was_wrong = ForceSize(), False
         self._force_differs = False
@@ -203,7 +204,11 @@ class Monitor(TakesInputs):
             # The result of its windows is known already.
             self.restart()
         else:
-            bits, trust = self._strapdown.add(t_us, estimate), int(estimate.trust)
+            known = estimate
+            if self._unknown_heading_rad:
+                sigma_rad = math.hypot(estimate.sigma_heading_rad, self._unknown_heading_rad)
+                known = estimate._replace(sigma_heading_rad=sigma_rad)
+            bits, trust = self._strapdown.add(t_us, known), int(estimate.trust)
             if not trust & CONVERGED:
                 if self._unsettled_us < before_us:
                     self._unsettled_from_us = t_us
@@ -459,6 +464,8 @@ class Monitor(TakesInputs):
             self.ratios, on_ground=self._on_ground is True
         )
         tilts += by_field
+        self._unknown_heading_rad = self._field.unknown_heading_rad(self.ratios)
+        headings.append(self._unknown_heading_rad)
         if contradiction.explained.is_suspicious:
             tilts.append(contradiction.explained.tilt_rad)
             headings.append(contradiction.explained.heading_rad)

@@ -54,6 +54,16 @@ def test_a_plane_that_takes_off_without_a_heading_has_sound_sensors():
     assert row["tilt_deg"]["p95"] < 3.0
 
 
+def test_a_plane_that_takes_off_from_steel_has_sound_sensors_and_a_heading():
+    """Speeding up by a heading that steel had turned was an accelerometer that is off."""
+    calm = FlightDraw("plane", 1.4, 20.0, 0.5309, 0.8253, 1.056, 0.5387, 55.03)
+    steel = CompassDraw(steel_ut=25.0, motor_ut=9.5)
+    row = fly(Draw(3, calm, ImuDraw(rate_hz=50.0), compass=steel))
+    assert row["false_accusations"] == []
+    assert row["heading_wrong_s"] == row["tilt_wrong_s"] == 0.0
+    assert row["tilt_deg"]["p95"] < 2.0
+
+
 def test_a_step_of_one_metre_a_second_is_named_within_three_seconds():
     _, found = flown("gps-step=1@70.0+20", rate_hz=100.0)
     assert found["outcome"] == "right"

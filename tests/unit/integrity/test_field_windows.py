@@ -203,6 +203,29 @@ def test_what_a_field_may_have_done_to_the_heading(heading_deg, dip_deg, worst_d
     assert bench.windows.worst_heading_rad / DEG == pytest.approx(worst_deg)
 
 
+@pytest.mark.parametrize(
+    ("row", "turn_deg"),
+    [
+        ({}, 0.0),
+        ({"heading_deg": 40.0}, 0.0),
+        ({"dip_deg": 65.0}, 10.05),
+        ({"dip_deg": 55.0}, 10.05),
+        ({"norm": 1.07}, 8.05),
+        ({"dip_deg": 55.0, "norm": 0.93}, 12.93),
+        ({"norm": 1.49}, 78.5),
+        ({"norm": 1.51}, 180.0),
+    ],
+)
+def test_iron_that_shows_along_the_field_may_be_as_large_across_it(row, turn_deg):
+    """The level field is half of it."""
+    bench = Bench()
+    assert bench.windows.turn_by_iron_rad == 0.0
+    bench.row(**row)
+    assert bench.windows.turn_by_iron_rad / DEG == pytest.approx(turn_deg, abs=0.05)
+    bench.windows.use_field(None)
+    assert bench.windows.turn_by_iron_rad == 0.0
+
+
 def turned_ratio(angle_deg, rows=1, path=0.0, offset=0.0, variance_deg2=0.0, reference=None):
     """The ratio of a turn of field and force about an axis across both."""
     bench = Bench(reference)
@@ -347,6 +370,30 @@ def told(bench, on_ground=False, bent=None, ratios=None):
     """The alarms after ten seconds."""
     bent, ratios = bent or BentAttitude(), ratios or InnovationRatios(field_1s=3.0)
     return bench.evidence.alarms(10 * S, ratios, bent, on_ground=on_ground)
+
+
+@pytest.mark.parametrize(
+    ("confirmed", "seconds", "ratio", "is_open"),
+    [
+        ("", 3, 1.01, True),
+        ("", 3, 0.99, False),
+        ("", 0, 1.01, False),
+        ("by velocities", 3, 1.01, False),
+        ("by ten seconds", 3, 1.01, False),
+    ],
+)
+def test_only_a_field_that_was_sound_once_has_shown_a_heading(confirmed, seconds, ratio, is_open):
+    bench = Bench()
+    if confirmed == "by velocities":
+        bench.evidence.confirm()
+    elif confirmed:
+        for _ in range(10):
+            bench.row()
+            bench.evidence.end_row(InnovationRatios())
+    bench.row(dip_deg=40.0)
+    judged(bench, InnovationRatios(field_1s=1.5), seconds)
+    found_rad = bench.evidence.unknown_heading_rad(InnovationRatios(field_1s=ratio))
+    assert found_rad / DEG == pytest.approx(44.3 if is_open else 0.0, abs=0.1)
 
 
 def test_a_field_that_is_in_use_holds_the_heading_for_a_second():
