@@ -313,9 +313,9 @@ FILTERS = (VELOCITY_AIDED, VELOCITY_AIDED_INTEGER, CONSTANT_GAIN, MADE)
     ),
     "tests/filters.py": (
         (
-            "import VELOCITY_AIDED, VELOCITY_AIDED_INTEGER\n",
+            "import CONSTANT_GAIN, VELOCITY_AIDED, VELOCITY_AIDED_INTEGER\n",
             """\
-import MADE, VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
+import CONSTANT_GAIN, MADE, VELOCITY_AIDED, VELOCITY_AIDED_INTEGER
 from h2nav.attitude.made.filter import MadeFilter
 from h2nav.attitude.made.gains import made_gains
 """,
