@@ -18,6 +18,7 @@ from h2nav.integrity.corrected_sensor import CorrectedSensor
 from h2nav.integrity.correction import advanced
 from h2nav.integrity.field_evidence import OPEN_RATIO
 from h2nav.integrity.findings import Alarm, Kind, Sensor
+from h2nav.integrity.lasting_scatter import LastingScatter
 from h2nav.integrity.opened_errors import OpenedErrors
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.receiver import LearntReceiver
@@ -97,6 +98,7 @@ class CauseSearch:
         self._strapdown, self._velocity, self._opened = strapdown, velocity, opened
         self.contradiction = Contradiction()
         self.receiver = LearntReceiver()
+        self._scatter = LastingScatter()
         self.corrected = CorrectedSensor()
         self.bent = BentAttitude()
         self._cleared: frozenset[Cause] = frozenset()
@@ -218,7 +220,8 @@ class CauseSearch:
         if rows.take(mark, seen.errors):
             known = self._known(mark, seen, rows)
         self._follow_slowly(mark, seen)
-        self._hear_velocity(seen, None)
+        if self._refusal.since_us is not None:
+            self._hear_velocity(seen, None)
         doubt, is_corrected = None, False
         is_quiet = not seen.ratios.of_velocity > SUSPICIOUS_RATIO
         is_settled = self._began_settled(seen) and self._began_with_heading()
@@ -229,6 +232,8 @@ class CauseSearch:
         # A fault that begins looks like a late velocity: its cause is looked for first.
         is_suspicious = self.contradiction.explained.is_suspicious
         may_learn = not is_suspicious or self.contradiction.is_old(seen.t_us)
+        if known is not None and not is_suspicious:
+            self._scatter.learn(rows.rows, known)
         if known is not None and may_learn and self.receiver.learn(rows.rows, known):
             # Earlier velocities were corrected otherwise.
             self._velocity.restart()
@@ -256,6 +261,7 @@ class CauseSearch:
             rows.jitter_m_s,
             self.receiver.errors,
             rows.force_density,
+            self._scatter.share,
             rows.usual_m_s2,
             self._rows.shifts,
             1e-6 * seen.period_us,

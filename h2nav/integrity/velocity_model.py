@@ -10,7 +10,14 @@ from typing import NamedTuple
 from h2nav.attitude.samples import SensorErrors
 from h2nav.integrity.likelihood import HypothesisFit, LinearModel
 from h2nav.integrity.strapdown import Moment
-from h2nav.integrity.velocity_rows import LENGTH_S, Shift, VelocityColumns, VelocityRow, columns
+from h2nav.integrity.velocity_rows import (
+    LENGTH_S,
+    Shift,
+    VelocityColumns,
+    VelocityRow,
+    columns,
+    felt_m_s2,
+)
 from h2nav.integrity.velocity_windows import RATE_SIGMA_RAD_S, SCALE_SIGMA, UNKNOWN, ReceiverErrors
 
 # Windows of fewer rows are not looked at.
@@ -21,6 +28,9 @@ NOISE_M_S = 0.05
 WANDERS = math.sqrt(0.5)
 # Of a force that turns with the vehicle, where the filter knows no better, m/s^2.
 FORCE_SIGMA_M_S2 = 0.1
+# Scale and axes of an accelerometer (MPU-6000: 2 % across), which are no unknowns, and for how long
+# an acceleration lasts that they make a wrong force of.
+SCALES, MANOEUVRE_S = 0.02, 3.0
 MIN_TILT_RAD = math.radians(0.2)
 MIN_HEADING_RAD = math.radians(1.0)
 # Unknowns, by their columns: tilt north and east, heading, gyro's bias and scale (three axes each),
@@ -36,6 +46,7 @@ class Known(NamedTuple):
     jitter_m_s: float  # noise of single velocities
     receiver: ReceiverErrors = UNKNOWN  # what is not known of delay and antenna
     force_density: float = math.inf  # the most that the velocities allow, squared, m^2/s^3
+    lasting_share: float = 1.0  # of the force's scatter
     usual_m_s2: float = math.inf  # horizontal acceleration before the window, rms
     shifts: Sequence[Shift] = ()  # of the force, the latest ones
     period_s: float = 0.01  # of the samples
@@ -66,7 +77,10 @@ class VelocityModel:
         # The noises, increased by what slow samples miss.
         rate_density = known.errors.rate_density + turned
         self.shaken_density = known.errors.force_density + gained
-        self.force_density = min(self.shaken_density, known.force_density)
+        self._most_density = min(self.shaken_density, known.force_density)
+        moved_m_s2 = max(known.usual_m_s2, felt_m_s2(rows))
+        self._by_scales = 2.0 * MANOEUVRE_S * (SCALES * moved_m_s2) ** 2
+        self.force_density = self.force_density_of(known.lasting_share)
         self.lengths_s = [row.length_s for row in rows]
         stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
         self._wander = WANDERS * WANDERS * stated / LENGTH_S
@@ -86,6 +100,10 @@ class VelocityModel:
             for i, effect in enumerate(self.columns.of[place]):
                 squares[i] += (size * effect) ** 2
         return math.sqrt(max(squares))
+
+    def force_density_of(self, share: float) -> float:
+        """Of the noise of the force if a share of its scatter lasts, squared, m^2/s^3."""
+        return min(max(share * self.shaken_density, self._by_scales), self._most_density)
 
     def with_noise(self, force_density: float) -> LinearModel:
         """The model for a density of the force's noise, squared, m^2/s^3."""

@@ -180,8 +180,7 @@ class VelocityRows:
     @property
     def felt_m_s2(self) -> float:
         """Horizontal acceleration by the force in the window, rms."""
-        squares = [math.hypot(*row.begun.accel_n) ** 2 for row in self.rows]
-        return math.sqrt(sum(squares) / len(squares))
+        return felt_m_s2(self.rows)
 
     def restart(self) -> None:
         """Restarts, as the strapdown does."""
@@ -283,6 +282,12 @@ class VelocityRows:
             self._bends += [_Bend(t_us, q - p, v - u) for p, q, u, v in pairs]
             self._jitter_m_s = None
         self._step = step, change
+
+
+def felt_m_s2(rows: Sequence[VelocityRow]) -> float:
+    """Horizontal acceleration by the force in some rows, rms."""
+    squares = [math.hypot(*row.begun.accel_n) ** 2 for row in rows]
+    return math.sqrt(sum(squares) / len(squares))
 
 
 class VelocityColumns(NamedTuple):

@@ -82,6 +82,10 @@ class Bench:
         self.search.receiver = SimpleNamespace(
             learn=lambda *_: self.learns.append(self.t_us) or False, errors=None
         )
+        self.learns_force = []
+        self.search._scatter = SimpleNamespace(
+            learn=lambda *_: self.learns_force.append(self.t_us), share=0.25
+        )
         self.t_us = 100 * S
         self.seen = Situation(0, ERRORS, LOUD, None, 0, 0.0, 5_000.0, True, False, (0, 0))
 
@@ -421,9 +425,9 @@ def test_an_attitude_that_velocities_contradicted_may_be_bent(bench):
 
 
 @pytest.mark.parametrize(("odds", "may_learn"), [(math.log(99.0), True), (math.log(101.0), False)])
-def test_nothing_is_learnt_of_a_receiver_while_a_fault_is_likely(bench, odds, may_learn):
+def test_nothing_is_learnt_of_receiver_and_force_while_a_fault_is_likely(bench, odds, may_learn):
     bench.take(Explained(odds))
-    assert bool(bench.learns) == may_learn
+    assert bool(bench.learns) == bool(bench.learns_force) == may_learn
 
 
 def test_of_an_old_contradiction_a_receiver_is_learnt(bench):
@@ -431,6 +435,7 @@ def test_of_an_old_contradiction_a_receiver_is_learnt(bench):
     assert bench.learns == []
     bench.take(seconds=0.4)
     assert bench.learns[-1] == bench.t_us
+    assert bench.learns_force == []
     bench.search.receiver.learn = lambda *_: True
     restarts = bench.search._rows.restarts
     assert bench.take() == (None, False)

@@ -281,6 +281,28 @@ def test_a_ramp_of_the_velocity_is_told():
     assert max(tilt for t_s, _, tilt, _ in rows if t_s > FAULT_S) < 4.0 * DEG
 
 
+@pytest.mark.parametrize("drift_m_s2", [0.7, 0.0])
+def test_vibration_that_does_not_last_hides_no_drift_of_the_velocity(drift_m_s2):
+    """Of 37 Hz and 4 m/s^2 rms, in samples at 100 Hz, as earlier velocities have shown."""
+    drifts_s = 75.0
+
+    def shaken(i, sample):
+        phase = 2.0 * math.pi * 37.3 * 0.01 * i
+        x, y, z = (part + 6.0 * math.sin(phase + k) for k, part in enumerate(sample.f_b))
+        return sample._replace(f_b=(x, y, z))
+
+    def ramp(t_s, v_n):
+        return (v_n[0] + drift_m_s2 * max(t_s - drifts_s, 0.0), *v_n[1:])
+
+    rows = watched(with_samples(flight(end_s=drifts_s + 15.0), shaken), ramp)
+    told = {alarm.kind: t_s for t_s, alarms, _, _ in reversed(rows) for alarm in alarms}
+    if drift_m_s2 == 0.0:
+        assert not told
+        return
+    assert told[Kind.ATTITUDE_VELOCITY] < drifts_s + 6.0
+    assert told[Kind.GPS_VELOCITY] < drifts_s + 12.0
+
+
 def test_a_velocity_that_comes_back_from_a_false_one_is_not_called_false():
     back_s = FAULT_S + 15.0
 
