@@ -51,6 +51,7 @@ from h2nav.integrity.opened_errors import JUDGED_S, OpenedErrors
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import Use, is_bad, sensor_alarms, use_of
 from h2nav.integrity.strapdown import Strapdown
+from h2nav.integrity.tilt_corrections import TiltCorrections
 from h2nav.integrity.velocity_refusal import SURE_S
 from h2nav.integrity.velocity_windows import (
     GATE,
@@ -102,6 +103,7 @@ class Monitor(TakesInputs):
     Attributes:
         field_is_frozen: the compass does not show the heading.
         ratios: test ratios at the latest sample.
+        corrections: of the tilt, by the filter.
     """
 
     def __init__(self, imu: Sensor, speeds: Speeds) -> None:
@@ -136,6 +138,7 @@ class Monitor(TakesInputs):
         self._of_velocity, self._of_force = Lasting(), Lasting()
         self._lost = LostAttitude()
         self.ratios = InnovationRatios()
+        self.corrections = TiltCorrections()
 
     def anew(self) -> "Monitor":
         """A new monitor of the same IMU, for a restarted clock."""
@@ -292,13 +295,15 @@ class Monitor(TakesInputs):
         self._velocity.use_receiver(self._search.receiver.errors)
         if not self._velocity.take(fix, errors):
             return None
-        mark = self._velocity.marks[-1]
+        marks = self._velocity.marks
+        mark = marks[-1]
+        self.corrections.take(mark.moment.t_us, mark.moment.q_ns, is_anew=len(marks) == 1)
         self._see_force_size(mark, fix.altitude_m)
         self._search.corrected.review(errors, mark.moment.bias_b)
-        windows = [self._velocity.window(length_s) for length_s in LENGTHS_S]
+        windows = [*map(self._velocity.window, LENGTHS_S)]
         middle = windows[1]
         self._apart_rad = 0.0 if middle is None else middle.tilt_rad
-        self._windows = [window for window in windows if window is not None]
+        self._windows = [*filter(None, windows)]
         of_1s, of_3s, of_10s = [math.nan if window is None else window.ratio for window in windows]
         self.ratios = self.ratios._replace(
             velocity_1s=of_1s, velocity_3s=of_3s, velocity_10s=of_10s

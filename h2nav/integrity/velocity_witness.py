@@ -13,7 +13,10 @@ that has been found anew begins without any.
 
 Where our attitude may be bent, by a velocity that is or was held to be false or by a wrong sensor,
 velocities may speak for the other attitude, so that nothing hides our own error, but never for
-ours: they may fit it because they have bent it.
+ours: they may fit it because they have bent it. Nor do they speak for our tilt where the difference
+is what they have tilted us by: a velocity that drifts so slowly that nothing shows it to be false
+bends an attitude as well. Nor where our own IMUs differ by half as much: an accelerometer's bias
+tilts an attitude, and velocities fit it.
 """
 
 import math
@@ -23,6 +26,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, VelocityFix
 from h2nav.integrity.likelihood import LinearModel
+from h2nav.integrity.tilt_corrections import TiltCorrections
 from h2nav.maths.quaternion import Quat, Vec3, rotate
 
 WITNESS_WINDOW_US = 1_900_000
@@ -51,10 +55,29 @@ DECIDED = 3.0  # deviations
 # Cross-axis sensitivity of an accelerometer (MPU-6000: 2 %): its axes, and with them the heading
 # that velocities show, may be turned about the vertical by as much.
 AXES_RAD = 0.02
+# Tilts of ours that differ by this share of the difference do not know which is right.
+OWN_TILTS = 0.5
 # A share further outside of 0 to 1 shows that neither attitude fits.
 OUTSIDE = 0.5
 
 Level = tuple[float, float]  # north and east
+
+
+class OwnDoubt(NamedTuple):
+    """What may be wrong with our attitude.
+
+    Attributes:
+        may_be_bent: it may follow a false velocity or a wrong sensor.
+        corrections: of its tilt; None = unknown.
+        tilts_apart_rad: the largest difference to the tilt by another IMU.
+    """
+
+    may_be_bent: bool = False
+    corrections: TiltCorrections | None = None
+    tilts_apart_rad: float = 0.0
+
+
+NO_DOUBT = OwnDoubt()
 
 
 class VelocityVerdict(Enum):
@@ -139,12 +162,15 @@ class VelocityWitness:
         self._settled_us: int | None = None
         self._windows: deque[_Window] = deque(maxlen=WINDOWS)
         self._found = Verdicts()  # by the windows of the last `EVIDENCE_US`
-        self._may_be_bent = False
+        self._doubt, self._tilt_is_doubted = NO_DOUBT, False
 
     @property
     def verdicts(self) -> Verdicts:
         """By the velocities of the last `EVIDENCE_US`."""
-        return Verdicts(*map(_not_for_us, self._found)) if self._may_be_bent else self._found
+        tilt, heading = self._found
+        if self._doubt.may_be_bent:
+            return Verdicts(_not_for_us(tilt), _not_for_us(heading))
+        return Verdicts(_not_for_us(tilt), heading) if self._tilt_is_doubted else self._found
 
     def differs(self, t_us: int, q_nb: Quat, turn_n: Quat, heading_rad: float) -> None:
         """Takes our attitude, the turn (NED) from it to the other one, and the turn's heading."""
@@ -166,17 +192,12 @@ class VelocityWitness:
         if len(self._windows) < before:
             self._found = _verdicts(self._windows)
 
-    def fix(self, fix: VelocityFix, *, may_be_bent: bool = False) -> None:
-        """Takes a velocity; closes a window that has become long enough.
-
-        Args:
-            fix: of the receiver.
-            may_be_bent: whether our attitude may follow a false velocity or a wrong sensor.
-        """
-        if self._may_be_bent and not may_be_bent:
+    def fix(self, fix: VelocityFix, doubt: OwnDoubt = NO_DOUBT) -> None:
+        """Takes a velocity; closes a window that has become long enough."""
+        if self._doubt.may_be_bent and not doubt.may_be_bent:
             # Nothing from that time speaks for anybody after it.
             self.forget()
-        self._may_be_bent = may_be_bent
+        self._doubt = doubt
         now = self._integrated
         if now.t_us is None:
             return
@@ -191,7 +212,20 @@ class VelocityWitness:
         self._settle()
         if length_us <= LONGEST_WINDOW_US:
             self._close(start, fix)
+            backs_us = self._found.tilt is VelocityVerdict.H2NAV
+            self._tilt_is_doubted = backs_us and self._is_own_tilt(doubt)
         self._begin(now.t_us, fix)
+
+    def _is_own_tilt(self, doubt: OwnDoubt) -> bool:
+        """Whether the difference of the tilts may be ours alone."""
+        if self._turn is None:
+            return False
+        w, north, east, _ = self._turn[2]
+        double = math.copysign(2.0, w)
+        apart_n = double * north, double * east
+        if doubt.tilts_apart_rad > OWN_TILTS * math.hypot(*apart_n):
+            return True
+        return doubt.corrections is not None and doubt.corrections.make(apart_n)
 
     def _begin(self, t_us: int, fix: VelocityFix) -> None:
         now = self._integrated

@@ -12,7 +12,14 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
-from h2nav.integrity.velocity_witness import Integrated, VelocityVerdict, VelocityWitness, Verdicts
+from h2nav.integrity.velocity_witness import (
+    NO_DOUBT,
+    Integrated,
+    OwnDoubt,
+    VelocityVerdict,
+    VelocityWitness,
+    Verdicts,
+)
 from h2nav.maths.quaternion import Quat, conjugate, multiply, normalize, tilt_and_heading
 
 CLOCK_WRAP_US = (1 << 32) * 1000
@@ -249,11 +256,11 @@ class Witness:
             found += self._compare(*self._waiting.popleft())
         return found
 
-    def fix(self, fix: VelocityFix, *, may_be_bent: bool = False) -> None:
+    def fix(self, fix: VelocityFix, doubt: OwnDoubt = NO_DOUBT) -> None:
         """Takes a velocity of the GPS receiver; see `VelocityWitness.fix`."""
         if fix.independent:
             for reporter in self._reporters.values():
-                reporter.velocity.fix(fix, may_be_bent=may_be_bent)
+                reporter.velocity.fix(fix, doubt)
 
     def report(self, source: AttitudeSource, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
         """Takes an attitude of the autopilot; stores it until ours of its time is known.

@@ -248,7 +248,7 @@ class Aiding:
         newest_us = self._estimation.heard_t_us
         velocity = None if newest_us is None else gps_velocity(fix, newest_us)
         if velocity is not None:
-            self._witness.fix(velocity, may_be_bent=self._estimation.may_be_bent)
+            self._witness.fix(velocity, self._estimation.doubt)
         if self._settings.gps_velocity:
             effects += self._pass_velocity(t_ns, velocity)
         if velocity is not None:

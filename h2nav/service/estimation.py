@@ -18,6 +18,7 @@ from h2nav.integrity.opened_errors import shown_by_difference
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.reported_vibration import ReportedVibration
 from h2nav.integrity.sensor_pairs import InertialSensor
+from h2nav.integrity.velocity_witness import NO_DOUBT, OwnDoubt
 from h2nav.integrity.voting import Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
@@ -102,6 +103,7 @@ class Estimation:
         self._lender: Lane | None = None  # its field is also that of IMUs without a compass
         self._without_compass: tuple[Lane, ...] = ()
         self._looked_ns = self._tilts_ns = 0
+        self._tilts_apart_rad = 0.0  # from the one that is sent to the furthest
         self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
@@ -190,11 +192,14 @@ class Estimation:
         return self._sent is not None and self._sent.monitor.velocity_is_known_false
 
     @property
-    def may_be_bent(self) -> bool:
-        """Whether the attitude that is sent may follow a false velocity or a wrong sensor."""
+    def doubt(self) -> OwnDoubt:
+        """What may be wrong with the attitude that is sent."""
         sent = self._sent
+        if sent is None:
+            return NO_DOUBT
         # The force of a sensor that is known to be wrong speaks for nobody.
-        return sent is not None and (sent.sensor_is_bad or sent.monitor.may_be_bent)
+        may_be_bent = sent.sensor_is_bad or sent.monitor.may_be_bent
+        return OwnDoubt(may_be_bent, sent.monitor.corrections, self._tilts_apart_rad)
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
@@ -454,10 +459,12 @@ class Estimation:
 
     def _compare_tilts(self, t_ns: int) -> None:
         """Opens the deviations of attitudes that differ by more than these allow."""
-        self._tilts_ns = t_ns
+        self._tilts_ns, self._tilts_apart_rad = t_ns, 0.0
         lanes = [lane for lane in self._lanes if lane.may_be_right(t_ns)]
         for one, other in itertools.combinations(lanes, 2):
             apart_rad, _ = _apart(one, other)
+            if self._sent in (one, other) and apart_rad > self._tilts_apart_rad:
+                self._tilts_apart_rad = apart_rad
             first_rad, second_rad = shown_by_difference(
                 apart_rad, one.sigma_tilt_rad, other.sigma_tilt_rad
             )

@@ -7,7 +7,8 @@ import pytest
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.integrity.findings import Severity
-from h2nav.integrity.velocity_witness import VelocityVerdict, Verdicts
+from h2nav.integrity.tilt_corrections import TiltCorrections
+from h2nav.integrity.velocity_witness import NO_DOUBT, OwnDoubt, VelocityVerdict, Verdicts
 from h2nav.integrity.witness import CLOCK_WRAP_US, AttitudeSource, Witness
 from h2nav.maths.quaternion import conjugate, from_euler, multiply, rotate
 from h2nav.maths.units import GRAVITY_M_S2
@@ -184,6 +185,7 @@ class Flight:
         axes_turned_deg: of the accelerometer in the body, about its z.
         found_anew_s: when our attitude, until then of `error_before`, is found anew.
         error_before: turn (NED) from the truth to our attitude until then.
+        doubt: of our attitude.
     """
 
     def __init__(
@@ -203,6 +205,7 @@ class Flight:
         axes_turned_deg=0.0,
         found_anew_s=0.0,
         error_before=None,
+        doubt=NO_DOUBT,
     ):
         self.witness = Witness()
         random_numbers = random.Random(1)
@@ -227,7 +230,8 @@ class Flight:
                 )
                 fix = VelocityFix(t_us, (north, east, 0.0), 0.3)
                 since_s, until_s = excluded_s
-                self.witness.fix(fix, may_be_bent=since_s <= t_s < until_s)
+                is_excluded = since_s <= t_s < until_s
+                self.witness.fix(fix, doubt._replace(may_be_bent=is_excluded))
 
     @property
     def text(self):
@@ -285,6 +289,34 @@ def test_a_biased_accelerometer_that_has_tilted_us_backs_nobody():
     tilted = from_euler(4.0 * DEG, 0.0, 0.0)
     flight = Flight(tilted, RIGHT, to_and_fro, swinging, accelerometer_is_off=True)
     assert flight.verdicts == Verdicts()
+
+
+@pytest.mark.parametrize(
+    ("moved_deg", "tilt"),
+    [(-7.0, VelocityVerdict.UNDECIDED), (7.0, VelocityVerdict.H2NAV)],
+)
+def test_velocities_back_no_tilt_that_they_have_made(moved_deg, tilt):
+    """Of ours, when it moved and the other one did not; never against the other way round."""
+    corrections, tilted = TiltCorrections(), from_euler(7.0 * DEG, 0.0, 0.0)
+    for i, turned_deg in enumerate((0.0, moved_deg)):
+        q_ns = from_euler(turned_deg * DEG, 0.0, 0.0)
+        corrections.take(i, q_ns, is_anew=i == 0)
+    ours = Flight(RIGHT, tilted, to_and_fro, swinging, doubt=OwnDoubt(corrections=corrections))
+    assert ours.verdicts == Verdicts(tilt=tilt)
+    theirs = Flight(tilted, RIGHT, to_and_fro, swinging, doubt=OwnDoubt(corrections=corrections))
+    assert theirs.verdicts == Verdicts(tilt=VelocityVerdict.AUTOPILOT)
+
+
+@pytest.mark.parametrize(
+    ("apart_deg", "tilt"), [(3.6, VelocityVerdict.UNDECIDED), (3.4, VelocityVerdict.H2NAV)]
+)
+def test_velocities_back_no_tilt_of_one_of_imus_that_differ(apart_deg, tilt):
+    """By half as much as the autopilot's differs from the one that is sent."""
+    doubt, tilted = OwnDoubt(tilts_apart_rad=apart_deg * DEG), from_euler(7.0 * DEG, 0.0, 0.0)
+    ours = Flight(RIGHT, tilted, to_and_fro, swinging, doubt=doubt)
+    assert ours.verdicts == Verdicts(tilt=tilt)
+    theirs = Flight(tilted, RIGHT, to_and_fro, swinging, doubt=doubt)
+    assert theirs.verdicts == Verdicts(tilt=VelocityVerdict.AUTOPILOT)
 
 
 def test_gps_and_autopilot_together_degrade_our_attitude_and_neither_does_alone():

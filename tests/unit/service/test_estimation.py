@@ -384,10 +384,10 @@ def test_fields_of_different_times_are_not_compared():
 def test_while_its_only_force_is_frozen_velocities_do_not_speak_for_it():
     flight = Flight(sends=(RAW,))
     flight.run(5.0)
-    assert not flight.estimation.may_be_bent
+    assert not flight.estimation.doubt.may_be_bent
     flight.without_force = {RAW}
     flight.run(5.0)
-    assert flight.estimation.may_be_bent
+    assert flight.estimation.doubt.may_be_bent
 
 
 def test_the_newest_time_is_that_of_the_newest_sample():
@@ -507,7 +507,9 @@ def test_tilts_that_differ_by_more_than_they_allow_open_their_deviations(monkeyp
     flight.run(2.0)
     # by half of the difference each, and a bit more
     assert 0.3 < flight.outcomes[-1].estimate.sigma_tilt_rad < 0.4
+    assert flight.estimation.doubt.tilts_apart_rad == 0.5
     # a lane that is known to be wrong says nothing of the others
     flight.frozen.add(SECOND)
     flight.run(40.0)
     assert flight.outcomes[-1].estimate.sigma_tilt_rad < 2.0 * usual_rad
+    assert flight.estimation.doubt.tilts_apart_rad == 0.0
