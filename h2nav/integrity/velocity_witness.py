@@ -190,7 +190,7 @@ class VelocityWitness:
         while self._windows and not 0 <= t_us - self._windows[0].t_us <= EVIDENCE_US:
             self._windows.popleft()
         if len(self._windows) < before:
-            self._found = _verdicts(self._windows)
+            self._judge()
 
     def fix(self, fix: VelocityFix, doubt: OwnDoubt = NO_DOUBT) -> None:
         """Takes a velocity; closes a window that has become long enough."""
@@ -212,15 +212,18 @@ class VelocityWitness:
         self._settle()
         if length_us <= LONGEST_WINDOW_US:
             self._close(start, fix)
-            backs_us = self._found.tilt is VelocityVerdict.H2NAV
-            self._tilt_is_doubted = backs_us and self._is_own_tilt(doubt)
         self._begin(now.t_us, fix)
 
-    def _is_own_tilt(self, doubt: OwnDoubt) -> bool:
+    def _judge(self) -> None:
+        self._found = _verdicts(self._windows)
+        backs_us = self._found.tilt is VelocityVerdict.H2NAV
+        self._tilt_is_doubted = backs_us and self._is_own_tilt()
+
+    def _is_own_tilt(self) -> bool:
         """Whether the difference of the tilts may be ours alone."""
         if self._turn is None:
             return False
-        w, north, east, _ = self._turn[2]
+        doubt, (w, north, east, _) = self._doubt, self._turn[2]
         double = math.copysign(2.0, w)
         apart_n = double * north, double * east
         if doubt.tilts_apart_rad > OWN_TILTS * math.hypot(*apart_n):
@@ -277,7 +280,7 @@ class VelocityWitness:
                 self._heading_rad,
             )
         )
-        self._found = _verdicts(self._windows)
+        self._judge()
 
 
 def _verdicts(windows: deque[_Window]) -> Verdicts:

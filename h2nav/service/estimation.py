@@ -103,7 +103,6 @@ class Estimation:
         self._lender: Lane | None = None  # its field is also that of IMUs without a compass
         self._without_compass: tuple[Lane, ...] = ()
         self._looked_ns = self._tilts_ns = 0
-        self._tilts_apart_rad = 0.0  # from the one that is sent to the furthest
         self._heard_ns = 0
         self._epoch_ns: int | None = None
         self._begin_epoch()
@@ -148,6 +147,7 @@ class Estimation:
         self._has_sent = False
         self._first_ns: int | None = None
         self._voting, self._field_voting = Voting(), FieldVoting()
+        self._tilts_apart_rad = 0.0  # from the one that is sent to the furthest
 
     # --- what is known of the lane that is sent -----------------------------------------------
 

@@ -6,6 +6,7 @@ import random
 import pytest
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
+from h2nav.integrity import velocity_witness
 from h2nav.integrity.findings import Severity
 from h2nav.integrity.tilt_corrections import TiltCorrections
 from h2nav.integrity.velocity_witness import NO_DOUBT, OwnDoubt, VelocityVerdict, Verdicts
@@ -317,6 +318,18 @@ def test_velocities_back_no_tilt_of_one_of_imus_that_differ(apart_deg, tilt):
     assert ours.verdicts == Verdicts(tilt=tilt)
     theirs = Flight(tilted, RIGHT, to_and_fro, swinging, doubt=doubt)
     assert theirs.verdicts == Verdicts(tilt=VelocityVerdict.AUTOPILOT)
+
+
+def test_a_verdict_by_what_is_left_of_the_evidence_is_doubted_as_well(monkeypatch):
+    """Few windows back us, as it were, and more of them do not: without fixes few are left."""
+    backs_us = Verdicts(tilt=VelocityVerdict.H2NAV)
+    monkeypatch.setattr(
+        velocity_witness, "_verdicts", lambda windows: backs_us if len(windows) < 8 else Verdicts()
+    )
+    tilted, left = from_euler(7.0 * DEG, 0.0, 0.0), {"fixes_until_s": 20.0, "length_s": 40}
+    assert Flight(RIGHT, tilted, to_and_fro, swinging, **left).verdicts == backs_us
+    doubt = OwnDoubt(tilts_apart_rad=1.0)
+    assert Flight(RIGHT, tilted, to_and_fro, swinging, doubt=doubt, **left).verdicts == Verdicts()
 
 
 def test_gps_and_autopilot_together_degrade_our_attitude_and_neither_does_alone():

@@ -508,6 +508,10 @@ def test_tilts_that_differ_by_more_than_they_allow_open_their_deviations(monkeyp
     # by half of the difference each, and a bit more
     assert 0.3 < flight.outcomes[-1].estimate.sigma_tilt_rad < 0.4
     assert flight.estimation.doubt.tilts_apart_rad == 0.5
+    flight.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
+    assert flight.estimation.doubt.tilts_apart_rad == 0.0
+    flight.run(20.0)
+    assert flight.estimation.doubt.tilts_apart_rad == 0.5
     # a lane that is known to be wrong says nothing of the others
     flight.frozen.add(SECOND)
     flight.run(40.0)
