@@ -14,12 +14,12 @@ from h2nav.integrity.velocity_model import Known, VelocityModel
 from h2nav.integrity.velocity_rows import LENGTH_S, VelocityRow
 
 # Shares of the scatter that are compared.
-SHARES = (1.0, 0.25, 0.06, 0.015, 0.004)
+LASTING_SHARES = (1.0, 0.25, 0.06, 0.015, 0.004)
 # Windows that count; the latest one may contain a fault that has not shown itself yet.
-WINDOWS, MIN_WINDOWS = 6, 3
-MIN_LENGTH_S = 0.9 * LENGTH_S
+MAX_LEARNT_WINDOWS, MIN_LEARNT_WINDOWS = 6, 3
+MIN_WINDOW_S = 0.9 * LENGTH_S
 # Of the shares that are as likely as the best one within three deviations the largest is taken.
-SURELY = 4.5
+LIKELIHOOD_MARGIN = 4.5
 
 
 class LastingScatter:
@@ -31,22 +31,23 @@ class LastingScatter:
 
     def __init__(self) -> None:
         self.share = 1.0
-        self._windows: deque[list[float]] = deque(maxlen=WINDOWS + 1)
+        self._windows: deque[list[float]] = deque(maxlen=MAX_LEARNT_WINDOWS + 1)
         self._learnt_us = 0
 
     def learn(self, rows: Sequence[VelocityRow], known: Known) -> None:
         """Learns from a window, if it is full and new."""
         if not rows or rows[0].begun.moment.t_us < self._learnt_us:
             return
-        if known.moment.t_us - rows[0].begun.moment.t_us < 1e6 * MIN_LENGTH_S:
+        if known.moment.t_us - rows[0].begun.moment.t_us < 1e6 * MIN_WINDOW_S:
             return
         self._learnt_us = known.moment.t_us
         window = VelocityModel(rows, known)
-        models = [window.with_noise(window.force_density_of(share)) for share in SHARES]
+        models = [window.with_noise(window.force_density_of(share)) for share in LASTING_SHARES]
         self._windows.append([one.level + one.fit(window.sigmas).likelihood for one in models])
         earlier = [*self._windows][:-1]
-        if len(earlier) < MIN_WINDOWS:
+        if len(earlier) < MIN_LEARNT_WINDOWS:
             return
         totals = [sum(of_share) for of_share in zip(*earlier, strict=True)]
-        least = max(totals) - SURELY
-        self.share = next(s for s, total in zip(SHARES, totals, strict=True) if total >= least)
+        least = max(totals) - LIKELIHOOD_MARGIN
+        likely = zip(LASTING_SHARES, totals, strict=True)
+        self.share = next(share for share, total in likely if total >= least)

@@ -8,16 +8,16 @@ from h2nav.maths.quaternion import Quat, conjugate, log, multiply
 
 SPAN_US = 2_000_000
 # Over more, errors of a sound gyro turn the attitude by as much as differences are.
-SPANS = 60
+MAX_SPANS = 60
 # Corrections make a difference of which no more is left without them.
-OWN_SHARE = 2.0 / 3.0
+MAX_SHARE_LEFT = 2.0 / 3.0
 
 
 class TiltCorrections:
     """Follows the frame in which the gyro's attitude is measured: corrections alone turn it."""
 
     def __init__(self) -> None:
-        self._spans: deque[tuple[Quat, Quat]] = deque(maxlen=SPANS)  # at beginning and end
+        self._spans: deque[tuple[Quat, Quat]] = deque(maxlen=MAX_SPANS)  # at beginning and end
         self._begun_us = 0
 
     def take(self, t_us: int, q_ns: Quat, *, is_anew: bool) -> None:
@@ -46,7 +46,7 @@ class TiltCorrections:
             apart_n: from ours to the other attitude, rad, north and east.
         """
         north, east = apart_n
-        least_rad = OWN_SHARE * math.hypot(north, east)
+        least_rad = MAX_SHARE_LEFT * math.hypot(north, east)
         for begun, ended in reversed(self._spans):
             moved_north, moved_east, _ = log(multiply(ended, conjugate(begun)))
             north, east = north + moved_north, east + moved_east

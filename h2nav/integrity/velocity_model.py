@@ -30,7 +30,7 @@ WANDERS = math.sqrt(0.5)
 FORCE_SIGMA_M_S2 = 0.1
 # Scale and axes of an accelerometer (MPU-6000: 2 % across), which are no unknowns, and for how long
 # an acceleration lasts that they make a wrong force of.
-SCALES, MANOEUVRE_S = 0.02, 3.0
+FORCE_SCALE_SIGMA, MANOEUVRE_S = 0.02, 3.0
 MIN_TILT_RAD = math.radians(0.2)
 MIN_HEADING_RAD = math.radians(1.0)
 # Unknowns, by their columns: tilt north and east, heading, gyro's bias and scale (three axes each),
@@ -79,7 +79,7 @@ class VelocityModel:
         self.shaken_density = known.errors.force_density + gained
         self._most_density = min(self.shaken_density, known.force_density)
         moved_m_s2 = max(known.usual_m_s2, felt_m_s2(rows))
-        self._by_scales = 2.0 * MANOEUVRE_S * (SCALES * moved_m_s2) ** 2
+        self._least_density = 2.0 * MANOEUVRE_S * (FORCE_SCALE_SIGMA * moved_m_s2) ** 2
         self.force_density = self.force_density_of(known.lasting_share)
         self.lengths_s = [row.length_s for row in rows]
         stated = sum(row.ended.sigma_m_s**2 for row in rows) / len(rows)
@@ -103,7 +103,7 @@ class VelocityModel:
 
     def force_density_of(self, share: float) -> float:
         """Of the noise of the force if a share of its scatter lasts, squared, m^2/s^3."""
-        return min(max(share * self.shaken_density, self._by_scales), self._most_density)
+        return min(max(share * self.shaken_density, self._least_density), self._most_density)
 
     def with_noise(self, force_density: float) -> LinearModel:
         """The model for a density of the force's noise, squared, m^2/s^3."""

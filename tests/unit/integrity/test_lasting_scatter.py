@@ -8,7 +8,7 @@ from needs import DEG
 
 from h2nav.attitude.samples import SensorErrors
 from h2nav.integrity.causes import explain
-from h2nav.integrity.lasting_scatter import SHARES, LastingScatter
+from h2nav.integrity.lasting_scatter import LASTING_SHARES, LastingScatter
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_model import Known, VelocityModel
 from h2nav.integrity.velocity_rows import VelocityRows
@@ -62,7 +62,7 @@ class Hover:
 
 
 def test_of_a_vibration_that_comes_back_little_lasts():
-    assert Hover(75.0).noise.share <= SHARES[2]
+    assert Hover(75.0).noise.share <= LASTING_SHARES[2]
 
 
 @pytest.mark.parametrize("wander", [1.0, 0.3])

@@ -3,7 +3,7 @@
 import pytest
 from needs import DEG
 
-from h2nav.integrity.tilt_corrections import SPAN_US, SPANS, TiltCorrections
+from h2nav.integrity.tilt_corrections import MAX_SPANS, SPAN_US, TiltCorrections
 from h2nav.maths.quaternion import exp, multiply
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -11,7 +11,7 @@ HEADED = exp((0.3, -0.2, 1.0))
 
 
 def corrected(moves_deg, spacing_us=SPAN_US, anew=()):
-    """Corrections about north, one after the other, beside turns of the heading."""
+    """Corrections about north, one after the other."""
     corrections, q_ns = TiltCorrections(), HEADED
     corrections.take(0, q_ns, is_anew=True)
     for i, move_deg in enumerate(moves_deg):
@@ -33,8 +33,8 @@ def corrected(moves_deg, spacing_us=SPAN_US, anew=()):
         # what was taken back since made nothing
         ([-3.0, 3.0], -4.0, True),
         ([3.0, -3.0], -4.0, False),
-        ([0.0, 1.0, *[0.0] * (SPANS - 1)], -1.0, True),
-        ([0.0, 1.0, *[0.0] * SPANS], -1.0, False),
+        ([0.0, 1.0, *[0.0] * (MAX_SPANS - 1)], -1.0, True),
+        ([0.0, 1.0, *[0.0] * MAX_SPANS], -1.0, False),
     ],
 )
 def test_a_difference_that_corrections_make(moves_deg, apart_deg, makes):
