@@ -6,7 +6,6 @@ import time
 
 import pytest
 from fault_flights import FaultFlight, fault_flight
-from udp_vehicle import UdpVehicle
 
 pytestmark = pytest.mark.thorough
 
@@ -25,8 +24,7 @@ ATTEMPTS = 10
 def test_after_a_stop_nothing_old_leaves_and_degraded_is_told(tmp_path):
     with fault_flight(tmp_path) as flight:
         flight.until_state("active")
-        flight.until_more_samples()
-        until_all_is_answered(flight.vehicle)
+        until_all_is_answered(flight)
         flight.daemon.process.send_signal(signal.SIGSTOP)
         flight.vehicle.fly(STOPPED_S)
         on_unix_ns = time.time_ns()
@@ -43,12 +41,15 @@ def test_after_a_stop_nothing_old_leaves_and_degraded_is_told(tmp_path):
         assert any(text.startswith("degraded: late") for text in flight.texts[before:])
 
 
-def until_all_is_answered(vehicle: UdpVehicle) -> None:
-    """Is silent until then: what is between reading and sending when it stops leaves old."""
+def until_all_is_answered(flight: FaultFlight) -> None:
+    """What a daemon holds between reading and sending when it is stopped leaves old."""
+    vehicle = flight.vehicle
     for _ in range(ATTEMPTS):
+        flight.until_more_samples()
         vehicle.pause(0.1)
         if vehicle.messages("ATTITUDE")[-1].time_boot_ms == max(vehicle.sent_unix_ns):
             return
+    pytest.fail("the newest sample was never answered")
 
 
 def test_a_stamp_that_runs_ahead_silences_nobody_for_long(tmp_path):
