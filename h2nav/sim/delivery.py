@@ -1,6 +1,7 @@
 """A bad line: frames are lost, duplicated, late, reordered, or mixed with noise."""
 
 import heapq
+import math
 import random
 
 from h2nav.sim.faults import FaultSchedule
@@ -28,12 +29,20 @@ class Delivery:
 
     @property
     def next_deadline_ns(self) -> int | None:
-        """When the next frame arrives; None while none is in transit."""
-        return self._queue[0][0] if self._queue else None
+        """When the next frame arrives; None while none is in transit, or all stay held back."""
+        if not self._queue:
+            return None
+        due_ns = self._queue[0][0]
+        while stalls := self._schedule.acting("stall", self._seconds_at(due_ns)):
+            end_s = max(stall.start_s + stall.length_s for stall in stalls)
+            if math.isinf(end_s):
+                return None
+            due_ns = max(due_ns + 1, self._start_ns + round(end_s * 1e9))
+        return due_ns
 
     def put(self, t_ns: int, frame: bytes) -> None:
         """Sends one frame at `t_ns`."""
-        t_s = (t_ns - self._start_ns) * 1e-9
+        t_s = self._seconds_at(t_ns)
         if self._happens("drop", t_s):
             self.counts["dropped"] += 1
             return
@@ -41,8 +50,6 @@ class Delivery:
         delay_ms = self._schedule.number("delay", t_s)
         if delay_ms is not None:
             due_ns += round(self._random.uniform(0.0, delay_ms) * 1e6)
-        for stall in self._schedule.acting("stall", t_s):
-            due_ns = max(due_ns, self._start_ns + round((stall.start_s + stall.length_s) * 1e9))
         # A line keeps its order; only a reordered frame lets others pass.
         due_ns = max(due_ns, self._not_before_ns)
         self._not_before_ns = due_ns
@@ -60,7 +67,9 @@ class Delivery:
 
     def take(self, t_ns: int) -> list[bytes]:
         """Returns what has arrived until `t_ns`, in order."""
-        arrived = []
+        arrived: list[bytes] = []
+        if self._schedule.acts("stall", self._seconds_at(t_ns)):
+            return arrived
         while self._queue and self._queue[0][0] <= t_ns:
             arrived.append(heapq.heappop(self._queue)[2])
         return arrived
@@ -68,6 +77,9 @@ class Delivery:
     def clear(self) -> None:
         """Loses everything in transit."""
         self._queue.clear()
+
+    def _seconds_at(self, t_ns: int) -> float:
+        return (t_ns - self._start_ns) * 1e-9
 
     def _push(self, due_ns: int, data: bytes) -> None:
         self._order += 1

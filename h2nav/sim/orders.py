@@ -105,6 +105,10 @@ class Orders:
         if name not in FAULT_KINDS:
             raise BadInput(f"{words[0]}: neither an order nor a fault; try help or list")
         acting = self._meant(t_ns, name, text.partition("/")[2])
+        word = argument.partition("/")[0]
+        if word and not isinstance(FAULT_KINDS[name].default, float):
+            # Several axes or messages may be wrong at once: only the one that is named is meant.
+            acting = [one for one in acting if one.argument == word]
         match words[1:]:
             case []:
                 return self._end(t_ns, acting) if acting else self._begin(t_ns, text, math.inf)

@@ -81,3 +81,14 @@ def test_a_stall_delivers_everything_at_its_end():
     held = [t for t, data in arrived if FRAMES[500] <= data < FRAMES[1200]]
     assert len(held) == 700
     assert set(held) == {START + 2_400 * MS}
+
+
+def test_a_stall_that_is_ended_early_or_has_no_end_holds_back_no_longer_and_for_good():
+    schedule = FaultSchedule([parse_fault("stall@1"), parse_fault("stall@0+1")])
+    line = Delivery(schedule, 1, START)
+    line.put(START, b"a")
+    assert line.next_deadline_ns is None
+    assert line.take(START + 3_000 * MS) == []
+    schedule.end(3.0, list(schedule))
+    assert line.next_deadline_ns == START + 1_000 * MS
+    assert line.take(START + 3_000 * MS) == [b"a"]

@@ -159,6 +159,17 @@ def test_a_rover_has_wheels_and_a_copter_has_none():
     assert bench.autopilot.streams.stream(wheels) is None
 
 
+def test_of_several_axes_the_one_that_is_named_is_meant():
+    bench = Bench()
+    bench.say("stuck=gyro-y on")
+    with pytest.raises(BadInput, match="it is not there"):
+        bench.say("stuck=gyro-x off")
+    assert bench.say("stuck=gyro-x").startswith("stuck=gyro-x/1: a sensor axis")
+    assert bench.say("stuck=gyro-y") == "over: stuck=gyro-y/1"
+    assert bench.say("status").endswith(" stuck=gyro-x/1")
+    assert bench.say("stuck off") == "over: stuck=gyro-x/1"
+
+
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
