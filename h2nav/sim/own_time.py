@@ -1,5 +1,7 @@
 """The simulated autopilot's own time against the host's: a simulator may be slow or fast."""
 
+import math
+
 from h2nav.sim.faults import FaultSchedule
 
 
@@ -27,5 +29,5 @@ class OwnTime:
         return self._own_ns
 
     def host_ns(self, own_ns: int) -> int:
-        """Host time at an own time, at the present rate."""
-        return self._host_ns + round((own_ns - self._own_ns) / self._rate)
+        """The first host time that reaches an own time, at the present rate."""
+        return self._host_ns + math.ceil((own_ns - self._own_ns) / self._rate)

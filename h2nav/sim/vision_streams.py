@@ -53,10 +53,12 @@ class _Camera:
     def message(self, vehicle: Vehicle) -> Any | None:
         options = self._options
         lost = self._random.random() < options.drop_out
-        if lost or vehicle.flown_s < options.delay_s:
+        t_usec = vehicle.time_usec - round(options.delay_s * 1e6)
+        # Of what was before the present boot, its clock has no time.
+        if lost or vehicle.flown_s < options.delay_s or t_usec < 0:
             return None
         motion = vehicle.scenario.motion(vehicle.flown_s - options.delay_s)
-        return self._make(self._pose(vehicle.time_usec - round(options.delay_s * 1e6), motion))
+        return self._make(self._pose(t_usec, motion))
 
     def _pose(self, t_usec: int, motion: RigidMotion) -> _Pose:
         noise = quaternion.exp(self._noise(self._options.attitude_sigma_rad))

@@ -12,7 +12,8 @@ from h2nav.files.earth_field import earth_field_at
 from h2nav.maths import quaternion
 from h2nav.maths.air import standard_density_kg_m3
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
-from h2nav.sim.faults import parse_fault
+from h2nav.sim.faults import FaultSchedule, parse_fault
+from h2nav.sim.own_time import OwnTime
 from h2nav.sim.personalities import ARDUPILOT, ARDUPLANE, PX4
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.vehicle import HOME
@@ -655,6 +656,14 @@ def test_a_simulators_time_runs_at_its_own_rate(rate):
     left_ns = [item.t_ns for item in flight.sent]
     assert left_ns == sorted(left_ns)
     assert flight.autopilot.next_deadline_ns > START + 5 * SECOND
+
+
+@pytest.mark.parametrize("rate", [0.3, 1.7, 9.0])
+def test_whoever_waits_for_the_next_deadline_gets_there_at_any_rate(rate):
+    own = OwnTime(FaultSchedule([parse_fault(f"clock-rate={rate}@0")]))
+    own.at(START)
+    for due_ns in range(START, START + 1_000_000, 777):
+        assert own.at(own.host_ns(due_ns)) >= due_ns
 
 
 def test_a_gyro_without_new_values_is_unhealthy_in_sys_status():

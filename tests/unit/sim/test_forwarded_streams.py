@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.errors import BadInput
 from h2nav.maths import quaternion
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
+from h2nav.sim.faults import parse_fault
 from h2nav.sim.scenarios import scenario
 from h2nav.sim.vision_streams import VISION_MESSAGES, VisionOptions, vision_stream
 
@@ -118,3 +119,17 @@ def test_drop_outs():
 def test_bad_options_are_refused(options):
     with pytest.raises(BadInput, match="vision"):
         vision_stream(options, 0)
+
+
+@pytest.mark.parametrize("delay_s", [0.5, 1.5])
+def test_after_a_reboot_no_pose_is_older_than_the_clock(delay_s):
+    stream = vision_stream(VisionOptions(rate_hz=50.0, delay_s=delay_s), 1)
+    faults = (parse_fault("reboot@2"),)
+    autopilot = FakeAutopilot(
+        AutopilotOptions(scenario("rest"), extra_streams=(stream,), faults=faults)
+    )
+    autopilot.advance(0)
+    autopilot.advance(2 * SECOND)
+    poses = of(autopilot.advance(5 * SECOND), "ODOMETRY")
+    assert poses[0].t_ns == pytest.approx((2.0 + max(delay_s, 1.0)) * SECOND, abs=2.1e7)
+    assert 0 <= poses[0].message.time_usec < 2e4 + max(1.0 - delay_s, 0.0) * 1e6 + 1
