@@ -295,6 +295,8 @@ class FakeAutopilot:
     def _reboot(self) -> None:
         self.reboots += 1
         self.streams.stop_all()
+        self.logs.restart()
+        self._commands.restart()
         self.vehicle.switch_on(self._now_ns)
         self._silent_until_ns = self._now_ns + REBOOT_SILENCE_NS
 

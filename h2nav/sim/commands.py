@@ -13,6 +13,7 @@ from h2nav.sim.vehicle import Vehicle
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 _COMMANDS = (mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT)
 _TEXT_BYTES = 50
+_INT32_END = (1 << 31) - 1
 _CAPABILITIES = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
@@ -58,6 +59,10 @@ class CommandServer:
         result, answers = self._obey(t_ns, fields)
         ack = mavlink.MAVLink_command_ack_message(fields.command, result, 0, 0, *sender)
         return [ack, *answers]
+
+    def restart(self) -> None:
+        """Forgets an authorization, as a reboot does."""
+        self._authorized_until_ns = 0
 
     def take_reboot(self) -> bool:
         """Whether a reboot has been commanded since the last call."""
@@ -124,7 +129,7 @@ class CommandServer:
         message_id = _whole(number)
         if self._streams.stream(message_id) is None:
             return self._personality.refusal, []
-        interval_us = self._streams.interval_ns(message_id) // 1000 or -1
+        interval_us = min(self._streams.interval_ns(message_id) // 1000, _INT32_END) or -1
         return ACCEPTED, [mavlink.MAVLink_message_interval_message(message_id, interval_us)]
 
     def _one_message(self, number: float) -> tuple[int, list[Any]]:
@@ -171,4 +176,4 @@ def _texts(form: str, message_id: int) -> list[Any]:
 
 def _whole(number: float) -> int:
     """A message id sent as a float; -1 if it is not whole."""
-    return int(number) if math.isfinite(number) else -1
+    return int(number) if math.isfinite(number) and number == int(number) else -1

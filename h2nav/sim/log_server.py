@@ -62,6 +62,10 @@ class LogServer:
         rate = line_bytes_per_s or USB_BYTES_PER_S
         self._file_ns = max(QUEUE_NS, round(FILE_WIRE_BYTES / rate * SECOND_NS))
         self._log_ns = round(LOG_WIRE_BYTES / rate * SECOND_NS)
+        self.restart()
+
+    def restart(self) -> None:
+        """Serves nobody any more, as after a reboot; the logs stay."""
         self._entries: deque[int] = deque()  # to be listed
         self._sending: tuple[int, int, int] | None = None  # log, offset, end
         self._asked: deque[tuple[Address, FileMessage, bool]] = deque()  # asker, what, is_taken
@@ -109,6 +113,8 @@ class LogServer:
             self._wake(t_ns)
             return [_text(mavlink.MAV_SEVERITY_INFO, b"Log download in progress")]
         if self._entries or self._sending:
+            if self._due_ns is None:  # it was armed meanwhile
+                self._wake(t_ns)
             return []
         if message_id == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST:
             last = min(fields.end, len(self._logs))

@@ -70,7 +70,7 @@ def ahrs2(vehicle: Vehicle) -> Any:
 def gps_raw_int(vehicle: Vehicle) -> Any:
     """A position fix with metre noise and a velocity with the noise of a good receiver.
 
-    A receiver that has lost its fix repeats its last position and velocity, as ArduPilot's does.
+    A lost fix shows in its type and the number of satellites alone.
     """
     measured = vehicle.gps
     latitude, longitude, altitude_m = vehicle.geographic(measured.p_n)

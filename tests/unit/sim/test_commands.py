@@ -112,7 +112,12 @@ def test_a_refusal_is_told_in_words_of_the_firmware_in_parts_of_fifty_bytes():
 
 @pytest.mark.parametrize(
     ("number", "result", "intervals_us"),
-    [(SPEED, ACCEPTED, [20_000]), (SLOW, ACCEPTED, [-1]), (OTHER, REFUSAL, [])],
+    [
+        (SPEED, ACCEPTED, [20_000]),
+        (SLOW, ACCEPTED, [-1]),
+        (OTHER, REFUSAL, []),
+        (SPEED + 0.5, REFUSAL, []),
+    ],
 )
 def test_an_interval_is_told(number, result, intervals_us):
     found, answers = Bench().command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, number)
@@ -120,6 +125,13 @@ def test_an_interval_is_told(number, result, intervals_us):
     assert [(one.message_id, one.interval_us) for one in answers] == [
         (number, us) for us in intervals_us
     ]
+
+
+def test_an_interval_beyond_its_field_is_told_as_the_longest():
+    bench = Bench()
+    bench.streams.intervals_ns[SPEED] = 10**18
+    _, (told,) = bench.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, SPEED)
+    assert told.interval_us == 2**31 - 1
 
 
 def test_a_message_is_sent_once_where_there_is_one():
@@ -178,6 +190,8 @@ def test_who_asks_to_arm_is_asked_for_an_authorization_that_ends():
     bench.server.handle(S, ME, mavlink.MAVLINK_MSG_ID_COMMAND_ACK, ack)
     assert bench.command(arm, 1.0, t_ns=11 * S - 1) == (ACCEPTED, [])
     assert bench.command(arm, 1.0, t_ns=11 * S)[0] == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    bench.server.restart()
+    assert bench.command(arm, 1.0, t_ns=2 * S)[0] == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
 def test_what_is_no_command_gets_no_reply():

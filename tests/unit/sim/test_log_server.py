@@ -179,6 +179,20 @@ def test_an_armed_vehicle_sends_no_log():
     bench.ask(DATA, id=1, ofs=0, count=200)
     assert bench.next(is_armed=True) == (0.0, [])
     assert bench.next() is None
+    bench.ask(DATA, id=1, ofs=0, count=200)
+    assert sum(one.count for _, sent in bench.all_sent() for one in sent) == 200
+
+
+def test_a_reboot_ends_what_is_sent_and_closes_files():
+    bench = Bench()
+    bench.ask_for_file(FileOpcode.OPEN_FILE_RO, b"/APM/LOGS/00000001.BIN")
+    bench.all_sent()
+    bench.ask(DATA, id=1, ofs=0, count=200)
+    bench.server.restart()
+    assert bench.next() is None
+    assert bench.error(FileOpcode.READ_FILE, size=9) == FileError.FILE_NOT_FOUND
+    assert bench.ask(LIST, start=1, end=1) == []
+    assert {one.id for _, sent in bench.all_sent() for one in sent} == {1}
 
 
 def test_a_line_that_is_full_delays():
