@@ -100,7 +100,9 @@ FAULT_KINDS: dict[str, FaultKind] = {
         "the roll of ATTITUDE is this many deg too large", 10.0, low=-90.0, high=90.0
     ),
     "deny": FaultKind("the named message cannot be had", None),
-    "rate": FaultKind("another station sets all running streams to this rate, Hz", 4.0, low=0.1, high=1e3),
+    "rate": FaultKind(
+        "another station sets all running streams to this rate, Hz", 4.0, low=0.1, high=1e3
+    ),
     "reboot": FaultKind("1 s of silence, time from zero, no streams", "", ("",)),
     "power-off": FaultKind(
         "no power for DURATION (a battery is changed), then time from zero, no streams", "", ("",)
