@@ -16,6 +16,7 @@ from h2nav.apps import extras
 from h2nav.apps.campaign_flights import fly
 from h2nav.apps.json_output import json_text, print_json
 from h2nav.errors import BadInput
+from h2nav.evaluation.campaign.blame import SCORED_FAULTS
 from h2nav.evaluation.campaign.distribution import Distribution, read_distribution
 from h2nav.evaluation.campaign.draw import Draw, as_text, read_draw
 from h2nav.evaluation.campaign.shrinking import shrink
@@ -75,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     path = args.distribution or _shipped()
     distribution = read_distribution(path)
     if args.seed is not None or args.draw is not None:
-        draw = read_draw(args.draw) if args.draw is not None else distribution.draw(args.seed)
+        draw = distribution.draw(args.seed) if args.draw is None else _read(args.draw)
         return _one(draw, args)
     rows = _campaign(distribution, args, _key(path))
     ranked = worst(rows)
@@ -110,6 +111,15 @@ def _check(args: argparse.Namespace) -> None:
         raise BadInput("--first and --seed: expected at least 0")
     if args.shrink and args.json:
         raise BadInput("--shrink: its draw is YAML; leave out --json")
+
+
+def _read(path: Path) -> Draw:
+    """A draw from a file, with faults of a part that is scored."""
+    draw = read_draw(path)
+    unknown = [fault.name for fault in draw.scheduled if fault.name not in SCORED_FAULTS]
+    if unknown:
+        raise BadInput(f"{path}: faults: no campaign has {', '.join(unknown)}; leave it out")
+    return draw
 
 
 def _shipped() -> Path:

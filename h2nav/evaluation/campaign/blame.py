@@ -22,7 +22,7 @@ from h2nav.evaluation.campaign.shown import (
 from h2nav.integrity.causes import Cause
 from h2nav.integrity.findings import Finding, Severity
 from h2nav.integrity.kinds import AnyKind, Kind, SensorKind
-from h2nav.sim.faults import Fault
+from h2nav.sim.faults import FAULT_KINDS, Fault
 
 # After a fault the filter may still be wrong, and say so.
 RECOVERY_S = 60.0
@@ -117,6 +117,10 @@ def part_of(fault: Fault) -> str:
     return next((part for part, names in BROKEN if is_one_of(fault, names)), NOBODY)
 
 
+# Those of no part would count as named by whatever names nobody.
+SCORED_FAULTS = tuple(name for name in FAULT_KINDS if part_of(Fault(name, "", 0.0)) != NOBODY)
+
+
 def names(told: Told, fault: Fault) -> bool:
     """Whether a finding names what a fault breaks."""
     part, broken = told.part, part_of(fault)
@@ -125,7 +129,7 @@ def names(told: Told, fault: Fault) -> bool:
     is_same = (
         part == broken
         or (part == IMU and broken in (GYRO, ACCELEROMETER))
-        or (broken == IMU and part in (GYRO, ACCELEROMETER))
+        or (broken == IMU and part in (GYRO, ACCELEROMETER, COMPASS))
     )
     return is_same and told.number in (None, fault.imu)
 
@@ -200,7 +204,7 @@ def fault_row(fault: Fault, every: Iterable[Told], others: Iterable[Fault]) -> d
         named), wrong (another part named, and never this one), missed. ``after_s``: of the first
         report. ``accused``: sound parts that were named.
     """
-    rest = [other for other in others if other is not fault]
+    rest = [other for other in others if other != fault]
     about = [told for told in every if overlaps(told, fault)]
     right = [told for told in about if names(told, fault)]
     explained = [told for told in about if any(overlaps(told, o) and names(told, o) for o in rest)]

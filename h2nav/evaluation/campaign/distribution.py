@@ -17,12 +17,15 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 import numpy as np
 
 from h2nav.errors import BadInput
+from h2nav.evaluation.campaign.blame import SCORED_FAULTS
 from h2nav.evaluation.campaign.draw import MAX_FAULTS, SECTIONS, Draw
 from h2nav.files.plain_yaml import read_mapping
 from h2nav.sim.faults import FAULT_KINDS
-from h2nav.validation import key_complaints
+from h2nav.validation import Within, key_complaints
 
-FORMS = ("uniform", "log", "choice", "value")
+EXACT = ("choice", "value")  # whose values are drawn as they stand
+FORMS = ("uniform", "log", *EXACT)
+FaultLength = Annotated[float, Within(1.0, 14_400.0)]
 FAULTS = "faults"
 FAULT_KEYS = ("count", "length_s", "kinds")
 # A fault begins when the flight has settled, and leaves time to be told.
@@ -44,12 +47,11 @@ class Range(NamedTuple):
         holds, at = random.random(2)
         if holds >= self.chance:
             return nominal
-        if self.form in ("choice", "value"):
+        if self.form in EXACT:
             return self.values[int(at * len(self.values))]
         low, high = self.values
-        if self.form == "log":
-            return _rounded(low * (high / low) ** at)
-        return _rounded(low + (high - low) * at)
+        value = low * (high / low) ** at if self.form == "log" else low + (high - low) * at
+        return min(max(_rounded(value), low), high)
 
 
 class Distribution(NamedTuple):
@@ -91,7 +93,8 @@ class Distribution(NamedTuple):
             latest_s = max(draw.length_s - length_s - LAST_S, earliest_s)
             start_s = earliest_s + random.random() * (latest_s - earliest_s)
             sizes = self.fault_sizes[name]
-            size = "" if sizes is None else f"={sizes.drawn(random, 0.0):g}"
+            usual = FAULT_KINDS[name].default
+            size = "" if sizes is None else f"={sizes.drawn(random, usual):g}"
             of_imu = f"/{imu}" if FAULT_KINDS[name].of_imu else ""
             if several:
                 texts.append(f"{name}{size}@{start_s:.1f}+{length_s:g}{of_imu}")
@@ -128,9 +131,13 @@ def read_distribution(path: Path) -> Distribution:
     complaints += key_complaints(faults, FAULT_KEYS, FAULT_KEYS, place, f"{FAULTS}.")
     count = _range(faults.get("count"), f"{place}: {FAULTS}.count", complaints)
     length_s = _range(faults.get("length_s"), f"{place}: {FAULTS}.length_s", complaints)
-    counts = () if count is None else count.values
-    if not all(isinstance(one, int) and 0 <= one <= MAX_FAULTS for one in counts):
+    if count is not None and not (
+        count.form in EXACT
+        and all(type(one) is int and 0 <= one <= MAX_FAULTS for one in count.values)
+    ):
         complaints.append(f"{place}: {FAULTS}.count: expected choices from 0 to {MAX_FAULTS}")
+    if length_s is not None:
+        length_s = _of_kind(length_s, FaultLength, f"{place}: {FAULTS}.length_s", complaints)
     kinds = _fault_sizes(faults.get("kinds", {}), f"{place}: {FAULTS}.kinds", complaints)
     if complaints or count is None or length_s is None:
         raise BadInput(*complaints)
@@ -145,7 +152,7 @@ def _section(name: str, content: Any, place: str, complaints: list[str]) -> dict
     hints = get_type_hints(SECTIONS[name], include_extras=True)
     complaints += key_complaints(content, hints, list(hints), place, f"{name}.")
     ranges = {}
-    for key in hints.keys() & content.keys():
+    for key in (key for key in hints if key in content):
         where = f"{place}: {name}.{key}"
         found = _range(content[key], where, complaints)
         if found is not None:
@@ -162,6 +169,8 @@ def _of_kind(found: Range, hint: Any, where: str, complaints: list[str]) -> Rang
     if any(type(v) is not kind for v in values):
         complaints.append(f"{where}: expected values that are {kind.__name__}, found {values}")
         return found
+    if kind is not float and found.form not in EXACT:
+        complaints.append(f"{where}: {found.form}: expected {' or '.join(EXACT)}")
     for limit in limits:
         expected = [text for v in values if (text := limit.complaint(v)) is not None]
         complaints += [f"{where}: expected {text}" for text in expected[:1]]
@@ -206,8 +215,14 @@ def _fault_sizes(
 ) -> dict[str, Range | None]:
     sizes: dict[str, Range | None] = {}
     for name, ranged in content.items():
-        if name not in FAULT_KINDS:
-            complaints.append(f"{where}.{name}: no such fault; one of {', '.join(FAULT_KINDS)}")
+        own = f"{where}.{name}"
+        if name not in SCORED_FAULTS:
+            complaints.append(f"{own}: no such fault; one of {', '.join(SCORED_FAULTS)}")
             continue
-        sizes[name] = _range(ranged, f"{where}.{name}", complaints)
+        kind, size = FAULT_KINDS[name], _range(ranged, own, complaints)
+        if size is not None and kind.choices:
+            complaints.append(f"{own}: it has no size; leave out {size.form}")
+        elif size is not None:
+            size = _of_kind(size, Annotated[float, Within(kind.low, kind.high)], own, complaints)
+        sizes[name] = size
     return sizes

@@ -182,11 +182,18 @@ def not_nominal(draw: Draw) -> dict[str, dict[str, Any]]:
     return found
 
 
+def _as_yaml(value: float | str) -> str:
+    """A value as it is read again: 1e-05 without a point would be a text."""
+    text = str(value)
+    is_bare = isinstance(value, float) and "." not in text
+    return text.replace("e", ".0e") if is_bare else text
+
+
 def as_text(draw: Draw) -> str:
     """The draw as the YAML that `read_draw` reads."""
     lines = [f"seed: {draw.seed}"]
     for name, values in not_nominal(draw).items():
-        inside = ", ".join(f"{key}: {value}" for key, value in values.items())
+        inside = ", ".join(f"{key}: {_as_yaml(value)}" for key, value in values.items())
         lines.append(f"{name}: {{{inside}}}")
     if draw.faults:
         lines.append("faults:")

@@ -117,3 +117,10 @@ def test_bad_input_is_one_line(words, said, capsys):
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+
+
+def test_a_fault_that_no_campaign_scores_is_refused(tmp_path, capsys):
+    path = tmp_path / "draw.yaml"
+    path.write_text("seed: 1\nfaults: ['gyro-zero@40+20', 'drop@40+20']\n")
+    assert campaign("--draw", path) == 2
+    assert f"{path}: faults: no campaign has drop; leave it out" in capsys.readouterr().err

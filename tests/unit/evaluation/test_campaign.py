@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from needs import DEG, REPOSITORY
 from h2nav.errors import BadInput
 from h2nav.evaluation.campaign import blame
 from h2nav.evaluation.campaign.blame import Told, can_be_told, false_reports, fault_row
-from h2nav.evaluation.campaign.distribution import read_distribution
+from h2nav.evaluation.campaign.distribution import Range, read_distribution
 from h2nav.evaluation.campaign.draw import (
     FORMS,
     SECTIONS,
@@ -36,8 +37,8 @@ from h2nav.evaluation.campaign.flight import (
     simulated,
 )
 from h2nav.evaluation.campaign.motion import DrawnMotion
-from h2nav.evaluation.campaign.scores import Errors, longest_run
-from h2nav.evaluation.campaign.shown import shown
+from h2nav.evaluation.campaign.scores import Errors, HeardDraw, longest_run, score
+from h2nav.evaluation.campaign.shown import faulty, shown
 from h2nav.evaluation.campaign.shrinking import shrink
 from h2nav.evaluation.campaign.summary import badness, summary, table, worst
 from h2nav.files.earth_field import earth_field_at
@@ -273,6 +274,14 @@ def test_draws_fill_their_ranges(shipped):
         ("chance: 0.5}", "chance: 5}", "chance: expected a number from 0 to 1, found 5"),
         ("    gyro-zero:", "    gyro-nil:", "faults.kinds.gyro-nil: no such fault"),
         ("count: {choice: [0, 0,", "count: {choice: [7, 0,", "faults.count: expected choices"),
+        ("count: {choice: [0, 0, 1, 1, 2, 3]}", "count: {uniform: [0, 3]}", "expected choices"),
+        ("count: {choice: [1, 2, 3]}", "count: {uniform: [1, 3]}", "imu.count: uniform: expected"),
+        ("length_s: {choice: [20,", "length_s: {choice: [-20,", "faults.length_s: expected a"),
+        ("length_s: {choice: [20,", "length_s: {choice: [long,", "expected values that are float"),
+        ("gyro-bias: {log: [2, 20]}", "gyro-bias: {value: x}", "gyro-bias: expected values"),
+        ("gyro-bias: {log: [2, 20]}", "gyro-bias: {log: [2, 2001]}", "a number from -2000 to 2000"),
+        ("    gyro-zero:", "    gyro-zero: {value: 3}", "gyro-zero: it has no size"),
+        ("    gyro-zero:", "    drop:", "faults.kinds.drop: no such fault"),
         ("link:", "lnk:", "lnk: unknown key; did you mean link?"),
         ("faults:", "faults: []\nflights:", "faults: expected count, length_s and kinds"),
         ("  kinds:", "  kinds: 3\n  others:", "faults: expected count, length_s and kinds"),
@@ -286,6 +295,27 @@ def test_errors_of_a_distribution_name_file_key_and_remedy(old, new, said, tmp_p
     with pytest.raises(BadInput) as caught:
         read_distribution(path)
     assert any(line.startswith(str(path)) and said in line for line in caught.value.lines)
+
+
+def test_a_value_is_drawn_within_its_ends_however_long_they_are():
+    ends = (0.123456, 0.123458)
+    for form in ("uniform", "log"):
+        drawn = [Range(form, ends).drawn(np.random.default_rng(k), 0.0) for k in range(9)]
+        assert all(ends[0] <= value <= ends[1] for value in drawn)
+
+
+def test_a_fault_whose_size_holds_by_chance_otherwise_has_the_usual_one(shipped):
+    sizes = {"gyro-scale": Range("value", (1.5,), chance=0.5)}
+    own = shipped._replace(fault_sizes=sizes, fault_count=Range("value", (1,)))
+    found = {fault.argument for seed in range(20) for fault in own.draw(seed).scheduled}
+    assert found == {1.02, 1.5}
+
+
+def test_a_draw_of_small_values_is_read_again(tmp_path):
+    draw = Draw(3, imu=ImuDraw(jitter_ms=1e-6), gyro=GyroDraw(noise_deg_s_rthz=1.5e-7))
+    path = tmp_path / "draw.yaml"
+    path.write_text(as_text(draw))
+    assert read_draw(path) == draw
 
 
 @pytest.mark.parametrize(
@@ -315,6 +345,7 @@ def said(kind, sensor, from_s, told_s=None, text="text", backs_us=None):
 
 IMU_1, IMU_2 = Sensor(SensorKind.IMU, 1), Sensor(SensorKind.IMU, 2)
 GPS, COMPASS = Sensor(SensorKind.GPS), Sensor(SensorKind.COMPASS)
+COMPASS_1 = Sensor(SensorKind.COMPASS, 1)
 AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
 
 
@@ -335,6 +366,8 @@ AUTOPILOT = Sensor(SensorKind.AUTOPILOT)
             [said(Kind.COMPASSES_DIFFER, Sensor(SensorKind.COMPASS, None, (1, 2)), 101.0)],
             "undecided",
         ),
+        ("imu-frozen@100+20/1", [said(Kind.COMPASS_FROZEN, COMPASS_1, 101.0)], "right"),
+        ("imu-frozen@100+20/2", [said(Kind.COMPASS_FROZEN, COMPASS_1, 101.0)], "wrong"),
         ("gps-step=5@100+20", [said(Kind.GPS_VELOCITY, GPS, 101.0)], "right"),
         (
             "autopilot-tilt=9@100+20",
@@ -433,6 +466,31 @@ def test_a_compass_shows_the_heading_until_it_is_wrong_and_velocities_while_they
     gyro = ideal(faults=("gyro-frozen@60+20",))
     assert not shown(gyro).heading[61:85].any()
     assert shown(gyro).heading[95:100].all()
+
+
+def test_a_fault_within_a_second_is_in_that_second_alone():
+    draw = Draw(3, faults=("gps-lost@30.2+0.5", "gps-lost@40.0+1.0"))
+    acting = np.flatnonzero(faulty(draw, ("gps-",), np.arange(300.0)))
+    assert acting.tolist() == [30, 39, 40]
+
+
+def test_a_flight_whose_rest_outlasts_it_and_that_ends_within_a_second_is_scored():
+    draw = Draw(
+        3,
+        flight=FlightDraw(length_min=1.01, rest_s=120.0),
+        receiver=ReceiverDraw(rate_hz=0.5, outages_per_h=100.0),
+        link=LinkDraw(gaps_per_h=100.0),
+    )
+    flight = simulated(draw, earth_field_at(*place_of(draw), 1.8e9))
+    stamps = [BOOT_US + row for row in flight.imus[0].stamp_us[::10].tolist()]
+    assert 1e-6 * (stamps[-1] - BOOT_US) > 60.0
+    true = flight.motion.at(1e-6 * (np.array(stamps) - BOOT_US)).q_nb
+    rows = array("d", np.column_stack((true, np.ones((len(true), 2)))).ravel())
+    found = score(flight, HeardDraw(array("q", stamps), rows, (), {}, 0, 0.0))
+    assert found["estimated_share"] == 1.0
+    assert found["heading_deg"]["p100"] == 0.0
+    assert any(isinstance(message, ImuReading) for _, message in events(flight))
+    assert not shown(flight).receiver[0]
 
 
 def test_at_rest_only_an_accelerometer_that_is_level_shows_the_tilt():
