@@ -100,7 +100,8 @@ class _Link:
     def __init__(self, draw: Draw) -> None:
         self._own, self._random = draw.link, np.random.default_rng([draw.seed, 4])
         count = self._random.poisson(self._own.gaps_per_h * draw.length_s / HOUR_S)
-        starts = self._random.uniform(draw.flight.rest_s, draw.length_s, count)
+        earliest_s = min(draw.flight.rest_s, draw.length_s)
+        starts = self._random.uniform(earliest_s, draw.length_s, count)
         self.gaps_s = [(start, start + self._own.gap_s) for start in starts.tolist()]
 
     def arrivals(self, t_s: Array) -> tuple[Times, NDArray[np.bool_]]:

@@ -71,7 +71,7 @@ def _outages(draw: Draw, t_s: Array, random: np.random.Generator) -> NDArray[np.
     own = draw.receiver
     gone = np.zeros(len(t_s), np.bool_)
     for start_s in random.uniform(
-        draw.flight.rest_s,
+        min(draw.flight.rest_s, draw.length_s),
         draw.length_s,
         random.poisson(own.outages_per_h * draw.length_s / HOUR_S),
     ):

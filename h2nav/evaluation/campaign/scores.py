@@ -55,7 +55,7 @@ def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
     calm = blame.second_mask(draw.scheduled, size)
     return {
         **_head(draw, heard),
-        "estimated_share": len(np.unique(t_s.astype(np.int64))) / size,
+        "estimated_share": len(np.unique(t_s[t_s < size].astype(np.int64))) / size,
         "heading_deg": _percentiles(np.abs(heading[settled])),
         "tilt_deg": _percentiles(tilt[settled]),
         **_longest(t_s, heading, tilt, sensors),

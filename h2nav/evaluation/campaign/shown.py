@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from h2nav.evaluation.campaign.draw import Draw
 from h2nav.evaluation.campaign.flight import DrawnFlight
-from h2nav.evaluation.campaign.sensors import DrawnReadings, acts
+from h2nav.evaluation.campaign.sensors import DrawnReadings
 from h2nav.maths.rows import Array, wrapped
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.faults import Fault
@@ -80,7 +80,8 @@ def faulty(draw: Draw, names: tuple[str, ...], seconds: Array, imu: int | None =
     found = np.zeros(len(seconds), np.bool_)
     for fault in draw.scheduled:
         if is_one_of(fault, names) and (imu is None or fault.imu == imu + 1):
-            found |= acts(fault, seconds + 1.0) | acts(fault, seconds + 0.0)
+            over_s = fault.start_s + fault.length_s
+            found |= (seconds + 1.0 >= fault.start_s) & (seconds < over_s)
     return found
 
 
@@ -141,7 +142,7 @@ def _receiver(flight: DrawnFlight, seconds: Array) -> Mask:
     second = flight.fixes.t_s[flight.fixes.has_fix].astype(np.int64)
     has_fix = np.bincount(second, minlength=len(seconds))[: len(seconds)] > 0
     if flight.draw.receiver.rate_hz < 1.0:
-        has_fix |= np.roll(has_fix, 1)
+        has_fix[1:] |= has_fix[:-1].copy()
     return np.asarray(has_fix & ~faulty(flight.draw, RECEIVER_FAULTS, seconds))
 
 
