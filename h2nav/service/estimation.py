@@ -307,7 +307,10 @@ class Estimation:
         is_accused = False
         takers = self._takers_of(t_ns, message_id, reading)
         is_numbered = message_id in NUMBERED_IDS
+        named = reading.imu if is_numbered else None
         for lane, need in takers:
+            if named is not None and named != lane.imu and lane.ignores_others:
+                continue
             before = lane.newest
             message = lane.imu_message if is_numbered or need is Need.IDENTITY else None
             step = lane.take(incoming, need)

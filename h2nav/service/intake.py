@@ -56,6 +56,7 @@ class Intake:
         lends: the field of another message may be used.
 
     Attributes:
+        ignores_others: a reading that names another IMU tells nothing here.
         newest_us: time of the newest sample of this epoch; None before the first.
         field_is_raw: the field of the newest sample is the sensor's, not calibrated.
     """
@@ -68,6 +69,9 @@ class Intake:
         # Whether both messages that tell whose samples HIGHRES_IMU has may feed the lane.
         self._can_identify = not self._takes_others and {ANYONES_ID, FIRST_ID} <= {*message_ids}
         self._fields = FieldSource(autopilot, lends=lends)
+        rows = [IMU_MESSAGES[message_id] for message_id in message_ids]
+        borrows = any(self._fields.is_wanted(row) for row in rows)
+        self.ignores_others = not (self._takes_others or self._can_identify or borrows)
         self._identity = ImuIdentity()
         self._clock: SampleClock | None = None
         self._clock_of: int | None = None

@@ -116,6 +116,8 @@ class Lane:
         lends = settings.imu_message == "auto"
         self._wanted_id = messages.message_ids[0]
         self._intake = Intake(messages, identity.autopilot, lends=lends)
+        # A reading that names another IMU tells nothing here.
+        self.ignores_others = self._intake.ignores_others
         self._lent = LentField(self.imu)
         self._trust = LaneTrust(count)
         self._uneven = UnevenSteps()

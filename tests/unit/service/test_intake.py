@@ -118,3 +118,38 @@ def test_the_bias_is_removed_from_highres_imu_of_px4_alone(messages, is_removed)
     one.take(Incoming(0, messages[0], reading(20_000, RAW)), Need.SAMPLE)
     assert one.bias_is_removed == is_removed
     assert one.message.message_id == messages[0]
+
+
+RAW_IMU = IDS_BY_NAME["RAW_IMU"]
+
+
+@pytest.mark.parametrize(
+    ("messages", "others_too", "autopilot", "lends", "ignores"),
+    [
+        ((SECOND, HIGHRES), False, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, True, True),
+        ((HIGHRES, RAW_IMU), False, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, True, False),
+        ((HIGHRES, RAW_IMU), True, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, True, False),
+        ((SECOND, HIGHRES), False, PX4, True, False),
+        ((SECOND, HIGHRES), False, PX4, False, True),
+    ],
+)
+def test_who_neither_compares_nor_borrows_ignores_readings_of_other_imus(
+    messages, others_too, autopilot, lends, ignores
+):
+    one = Intake(LaneMessages(1, messages, others_too), autopilot, lends=lends)
+    assert one.ignores_others is ignores
+
+
+@pytest.mark.parametrize("lends", [True, False])
+def test_what_is_ignored_would_have_changed_no_sample(lends):
+    """Of another IMU's number come field and time, and leave no trace."""
+    heard, alone = (
+        Intake(LaneMessages(1, (SECOND, HIGHRES)), mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, lends=lends)
+        for _ in range(2)
+    )
+    for tick in range(30):
+        t_ns = tick * 10_000_000
+        heard.take(Incoming(t_ns, HIGHRES, reading(1_000 * tick, CALIBRATED, imu=0)), Need.SAMPLE)
+        own = Incoming(t_ns, SECOND, reading(START_MS + 10 * tick, RAW))
+        assert heard.take(own, Need.SAMPLE) == alone.take(own, Need.SAMPLE)
+    assert (heard.message, heard.has_lent) == (alone.message, alone.has_lent)
