@@ -303,7 +303,7 @@ class Estimation:
         self._heard_ns = t_ns
         newest_sent = self._newest if self._has_sent else None
         incoming = tuple.__new__(Incoming, (t_ns, message_id, reading, newest_sent))
-        steps: list[tuple[Lane, Step]] = []
+        steps: dict[Lane | None, Step] = {}
         is_accused = False
         takers = self._takers_of(t_ns, message_id, reading)
         is_numbered = message_id in NUMBERED_IDS
@@ -325,7 +325,7 @@ class Estimation:
                 self._revise_routes(lane, need, step, message)
             if step.sample is None:
                 continue
-            steps.append((lane, step))
+            steps[lane] = step
             if not self._before_arming.is_armed:
                 seen = newest or step.sample  # with a field that the filter does not use
                 self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
@@ -336,9 +336,9 @@ class Estimation:
         if self._are_several and (is_accused or t_ns - self._looked_ns >= LOOK_NS):
             switched = self._look(t_ns)
         sent = NOTHING_SENT if not switched else SentSample(switched=switched)
-        for lane, step in steps:
-            if lane is self._sent:
-                sent = self._sendable(t_ns, step, switched)
+        own = steps.get(self._sent)
+        if own is not None:
+            sent = self._sendable(t_ns, own, switched)
         return sent._replace(is_accused=True) if is_accused else sent
 
     def _takers_of(self, t_ns: int, message_id: int, reading: ImuReading) -> Takers:
