@@ -93,7 +93,7 @@ class Expressions:
         """Kind and range of `node`; integers must fit 64 bits.
 
         Raises:
-            Refused: outside the subset, unset, or wider than 64 bits.
+            Untranslatable: outside the subset, unset, or wider than 64 bits.
         """
         value = self._evaluate(node, state)
         if isinstance(value, Interval) and not value.within(INT64):
@@ -184,6 +184,8 @@ class Expressions:
         array = self.array_at(node.value)
         if array is None:
             raise self.refuse(node, "only arrays may be subscripted")
+        if array.key not in state.cells:
+            raise self.refuse(node, f"{ast.unparse(node.value)} is not set on every path to here")
         index = self.integer(node.slice, state)
         limit = INT32.hi if array.length is None else array.length - 1
         if index.lo < 0 or index.hi > limit:
@@ -250,11 +252,15 @@ class Expressions:
     def _choice(
         self, node: ast.expr, test: ast.expr, body: ast.expr, orelse: ast.expr, state: ScopeState
     ) -> Scalar:
-        values = [
-            self.scalar(branch, narrowed)
+        paths = [
+            (branch, narrowed)
             for branch, truth in ((body, True), (orelse, False))
-            if (narrowed := self.narrow(test, state, truth)) is not None
+            if (narrowed := self.narrow(test, state.copy(), truth)) is not None
         ]
+        values = [self.scalar(branch, narrowed) for branch, narrowed in paths]
+        after = join_states(paths[0][1], paths[-1][1])
+        assert after is not None
+        state.cells = after.cells
         joined = values[0] if len(values) == 1 else join_scalars(values[0], values[1])
         if joined is None:
             raise self.refuse(node, "is sometimes an integer, sometimes a float")
@@ -309,10 +315,8 @@ class Expressions:
                 if isinstance(operator, ast.And) == truth:
                     partly = self.narrow(first, state, truth)
                     return None if partly is None else self.narrow(remaining, partly, truth)
-                short, other = (
-                    self.narrow(first, state, truth),
-                    self.narrow(first, state, not truth),
-                )
+                short = self.narrow(first, state.copy(), truth)
+                other = self.narrow(first, state, not truth)
                 late = None if other is None else self.narrow(remaining, other, truth)
                 return join_states(short, late)
             case ast.Compare(left=left, ops=operators, comparators=operands):
@@ -330,6 +334,8 @@ class Expressions:
         truth: bool,
     ) -> ScopeState | None:
         narrowed: ScopeState | None = state
+        if any(isinstance(part, ast.Call) for one in operands[:-1] for part in ast.walk(one)):
+            raise self.refuse(test, "a call between two comparisons, which C makes twice")
         for operator, right in zip(operators, operands, strict=True):
             if type(operator) not in _MIRROR:
                 raise self.refuse(test, f"{type(operator).__name__} is outside the subset")

@@ -40,7 +40,7 @@ def analyse(kernel: Kernel, entries: Sequence[str], initialisers: Sequence[str] 
         initialisers: functions that find a first argument of zeros, and leave it in its ranges.
 
     Raises:
-        Refused: outside the subset, wider than 64 bits, or a declared range is left.
+        Untranslatable: outside the subset, wider than 64 bits, or a declared range is left.
     """
     analysis = _Analysis(kernel)
     for name in (*initialisers, *entries):
@@ -60,8 +60,8 @@ class _Analysis:
                 self._add_table(name, constant.value)
 
     def _add_table(self, name: str, values: tuple[object, ...]) -> None:
-        if all(isinstance(value, int) for value in values):
-            cells = {i: intervals.exactly(v) for i, v in enumerate(values) if isinstance(v, int)}
+        cells = {i: intervals.exactly(v) for i, v in enumerate(values) if isinstance(v, int)}
+        if len(cells) == len(values) and all(cell.within(INT32) for cell in cells.values()):
             array = self.new_array(is_float=False, length=len(values), writable=False)
             self._tables[name] = (array, cells)
         elif all(isinstance(value, float) for value in values):
@@ -163,6 +163,7 @@ class _Frame:
         self._found = FunctionFacts()
         self._arrays = {name: array for name, (array, _) in tables.items()}
         self._scalars: dict[str, Scalar] = {}
+        self._loops: list[str] = []  # variables of the loops around the present statement
         for name, value in arguments.items():
             if isinstance(value, Array):
                 self._arrays[name] = self._found.arrays[name] = value
@@ -233,6 +234,8 @@ class _Frame:
                 return
             if target.id in self._arrays or target.id in self._kernel.constants:
                 raise self._refuse(target, f"{target.id} already names something else")
+            if target.id in self._loops:
+                raise self._refuse(target, f"{target.id} is the variable of a loop")
             scalar = self._expressions.scalar(value, state)
             state.scalars[target.id] = scalar
             known = self._found.scalars.get(target.id, scalar)
@@ -285,13 +288,10 @@ class _Frame:
             state.cells[array.key] = {**cells, **hulls}
 
     def _if(self, node: ast.If, state: ScopeState) -> ScopeState | None:
-        taken = self._expressions.narrow(node.test, state, True)
-        other = self._expressions.narrow(node.test, state, False)
-        after = [
-            None if start is None else self._block(body, start.copy())
-            for body, start in ((node.body, taken), (node.orelse, other))
-        ]
-        return join_states(after[0], after[1])
+        # A function that the test calls writes once on either path.
+        taken = self._expressions.narrow(node.test, state.copy(), True)
+        other = self._expressions.narrow(node.test, state.copy(), False)
+        return join_states(self._block(node.body, taken), self._block(node.orelse, other))
 
     def _for(self, node: ast.For, state: ScopeState) -> ScopeState | None:
         match node:
@@ -308,16 +308,24 @@ class _Frame:
         start, stop = (0, ends[0].lo) if len(ends) == 1 else (ends[0].lo, ends[1].lo)
         if stop - start > _LOOP_LIMIT:
             raise self._refuse(node, f"more than {_LOOP_LIMIT} passes")
+        names, keys = set(state.scalars), set(state.cells)
         after: ScopeState | None = state
+        self._loops.append(name)
         for i in range(start, stop):
             if after is None:
                 break
+            # In C what only the body mentions is declared inside it, anew in each pass.
+            after.scalars = {n: v for n, v in after.scalars.items() if n in names}
+            for array in self._found.arrays.values():
+                if array.key not in keys:
+                    after.cells.pop(array.key, None)
             after.scalars[name] = intervals.exactly(i)
             hull = self._found.scalars.get(name, intervals.exactly(i))
             assert isinstance(hull, Interval)
             # the C loop variable also reaches the bound
             self._found.scalars[name] = hull.hull(Interval(i, i + 1))
             after = self._block(node.body, after)
+        self._loops.pop()
         if after is not None:
             after.scalars.pop(name, None)
         return after
@@ -342,7 +350,7 @@ class _Frame:
                 continue
             if isinstance(kind, bool):
                 array = self._expressions.array_at(value)
-                if array is None or array.is_float != kind:
+                if array is None or array.is_float != kind or array.key not in state.cells:
                     raise self._refuse(value, f"{name} needs an array for {parameter.arg}")
                 arguments[parameter.arg] = array
                 continue

@@ -15,6 +15,7 @@ HEAD = f"""from h2nav.maths.fixedpoint import I16, I32, clamp, known
 SIZE = 3
 SHARE = 0.75
 TABLE = (3, -5, 7)
+WIDE = (1 << 31, 0)
 SHARES = (0.5, 1.5)
 
 
@@ -31,10 +32,25 @@ def put(a: list[int], x: I16) -> None:
     a[1] = x
 
 
+def bump(a: list[int]) -> I32:
+    a[0] = a[0] + 1
+    return a[0]
+
+
 def step(x: I16, y: I16) -> I32:
     x = known(x, {X.lo}, {X.hi})
     y = known(y, {Y.lo}, {Y.hi})
 """
+
+CARRIED = """for i in range(3):
+    if i > 0:
+        z = z + 1
+    else:
+        z = 0"""
+CARRIED_LIST = """for i in range(3):
+    if i == 0:
+        a = [0]
+    a[0] = i"""
 
 
 def facts(body: str) -> Facts:
@@ -77,6 +93,12 @@ def reached(body: str) -> Interval:
         "return TABLE[y >> 2]",
         "return half(x)",
         "return half(x) + half(y)",
+        # a function that a test calls writes once on either path
+        "a = [0]\nif bump(a) > 0:\n    return a[0]\nreturn 1",
+        "a = [0]\nif x > 0 or bump(a) > 9:\n    return 1\nreturn a[0]",
+        "a = [0]\nif bump(a) > 9 or x > 0:\n    return a[0]\nreturn a[0]",
+        "a = [0]\nz = a[0] if bump(a) > 0 else 1\nreturn z",
+        "a = [0, 0]\na[1] = 1 if bump(a) > 0 else 2\nreturn a[0]",
         # what a comparison leaves of its operands, on either side
         "return x if x < 2 else 0",
         "return x if x <= 2 else 0",
@@ -234,6 +256,14 @@ def test_floats_are_a_kind_without_a_range(body: str) -> None:
         ("for i in range(3):\n    z = i", "for i in range(3):\n    z = i\nz = i", "i is not a"),
         ("for i in range(3):\n    z = i", "for i in range(0, 3, 1):\n    z = i", "a loop runs ove"),
         ("for i in range(3):\n    z = i", "for i in range(y):\n    z = i", "bounds of a loop are"),
+        # C declares what only a loop's body mentions anew in each pass, and its own counter
+        ("z = 0\nfor i in range(3):\n    z = z + i", CARRIED, "z is not a number that is set on"),
+        ("a = [0]\nfor i in range(3):\n    a[0] = i", CARRIED_LIST, "a is not set on every path"),
+        ("for i in range(3):\n    z = i", "for i in range(3):\n    i = 2", "the variable of a loop"),
+        ("a = [0]\nz = a[0]", "if x > 0:\n    a = [0]\nz = a[0]", "a is not set on every path"),
+        ("a = [0, 0]\nput(a, x)", "if x > 0:\n    a = [0, 0]\nput(a, x)", "needs an array for a"),
+        ("z = TABLE[0]", "z = WIDE[0]", "only arrays may be subscripted"),
+        ("z = 1 if 0 < half(x) else 2", "z = 1 if 0 < half(x) < 2 else 2", "which C makes twice"),
     ],
 )
 def test_what_is_just_provable_and_what_is_just_not(
