@@ -61,7 +61,7 @@ def translate(
         called: functions that no compiler is to copy into their callers: marked ``CALLED``.
 
     Raises:
-        Refused: with file and line, whatever cannot be translated or proved.
+        Untranslatable: with file and line, whatever cannot be translated or proved.
     """
     kernel = read_kernel(sources)
     for name in (*entries, *initialisers, *called):

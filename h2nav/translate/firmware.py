@@ -117,7 +117,7 @@ def source(form: IntegerForm, firmware: ExportedFirmware, kernels: Sequence[Kern
     """Text of ``h2nav_filter.c``.
 
     Raises:
-        Refused: the kernel cannot be translated, or its ranges cannot be proved.
+        Untranslatable: the kernel cannot be translated, or its ranges cannot be proved.
     """
     entries = (form.kernel.entry, *form.more_entries)
     translation = translate(kernels, entries, ["reset"], STRUCT_NAMES, form.called)

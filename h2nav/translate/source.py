@@ -94,7 +94,7 @@ def read_kernel(sources: Sequence[KernelSource]) -> Kernel:
     """Reads the constants and functions of `sources`, each of which may import earlier ones.
 
     Raises:
-        Refused: a statement outside the subset, or a name defined twice.
+        Untranslatable: a statement outside the subset, or a name defined twice.
     """
     kernel = Kernel()
     for source in sources:
@@ -205,7 +205,7 @@ def constant_value(constants: Mapping[str, Constant], path: str, node: ast.expr)
     """The value of a constant expression.
 
     Raises:
-        Refused: the expression is not made of numbers, known constants and arithmetic.
+        Untranslatable: the expression is not made of numbers, known constants and arithmetic.
     """
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
