@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, Quat, Vec3
 from h2nav.maths.quaternion import IDENTITY, exp, from_matrix, multiply, rotate
+from h2nav.maths.vectors import ZERO, cross, plus
 
 # Sine of the angle between force and field below which they name no heading.
 _MIN_ANGLE = 0.02
@@ -36,7 +37,7 @@ def triad(force_b: Vec3, field_b: Vec3 | None) -> Quat:
         east = _across(down, (1.0, 0.0, 0.0)) or _across(down, (0.0, 0.0, -down[0]))
     if east is None:
         raise ValueError(f"force {force_b} has no direction")
-    return from_matrix((_cross(east, down), east, down))
+    return from_matrix((cross(east, down), east, down))
 
 
 class Alignment(NamedTuple):
@@ -47,7 +48,7 @@ class Alignment(NamedTuple):
         length_s: time covered so far.
         turn: attitude of the body against its attitude at the window's start.
         force, field: sums of the vectors in the axes of the window's start.
-        forces, fields: their numbers.
+        forces, fields: their numbers; a field of zero shows no north and is none.
     """
 
     t_us: int
@@ -61,7 +62,7 @@ class Alignment(NamedTuple):
 
 def begin(sample: ImuSample) -> Alignment:
     """A window with its first sample."""
-    empty = Alignment(sample.t_us, 0.0, IDENTITY, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, 0)
+    empty = Alignment(sample.t_us, 0.0, IDENTITY, ZERO, ZERO, 0, 0)
     return _add(empty, sample)
 
 
@@ -89,10 +90,10 @@ def attitude(window: Alignment) -> Quat:
 
 
 def _add(window: Alignment, sample: ImuSample) -> Alignment:
-    force = _plus(window.force, rotate(window.turn, sample.f_b))
-    if sample.m_b_ut is None:
+    force = plus(window.force, rotate(window.turn, sample.f_b))
+    if sample.m_b_ut is None or sample.m_b_ut == ZERO:
         return window._replace(force=force, forces=window.forces + 1)
-    field = _plus(window.field, rotate(window.turn, sample.m_b_ut))
+    field = plus(window.field, rotate(window.turn, sample.m_b_ut))
     return window._replace(
         force=force, field=field, forces=window.forces + 1, fields=window.fields + 1
     )
@@ -100,16 +101,8 @@ def _add(window: Alignment, sample: ImuSample) -> Alignment:
 
 def _across(down: Vec3, v: Vec3) -> Vec3 | None:
     """The unit vector of down x v; None if they are nearly parallel."""
-    c = _cross(down, v)
+    c = cross(down, v)
     sine = math.hypot(*c)
     if not sine > _MIN_ANGLE * math.hypot(*v):
         return None
     return (c[0] / sine, c[1] / sine, c[2] / sine)
-
-
-def _cross(u: Vec3, v: Vec3) -> Vec3:
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-
-
-def _plus(u: Vec3, v: Vec3) -> Vec3:
-    return (u[0] + v[0], u[1] + v[1], u[2] + v[2])

@@ -370,10 +370,14 @@ class VelocityAidedFilter(VelocityAidedShell):
         if window.length_s < wait:
             return None
         self._window = None
+        try:
+            shown = alignment.attitude(window)
+        except ValueError:
+            return None  # its forces cancel
         s = self._state
         half = 0.5 * s.declination
         turned = (math.cos(half), 0.0, 0.0, math.sin(half))
-        s.q_nb[:] = multiply(turned, alignment.attitude(window))
+        s.q_nb[:] = multiply(turned, shown)
         s.mag_accepted_age_s = 0.0
         if not window.fields:
             s.mag_accepted_age_s = -1.0

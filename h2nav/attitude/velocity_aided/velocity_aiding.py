@@ -88,13 +88,10 @@ class VelocityAiding:
         self._fixes = min(self._fixes + 1, FIXES_TO_START)
         self._period_s = min(gap_s, LOST_S)
         self._fix_us = float(fix.t_us)
-        self.waiting = fix
-        self._follow_fixes()
-        return True
-
-    def _follow_fixes(self) -> None:
         is_steady = self._fixes >= FIXES_TO_START
         self.aided_until_us = self._fix_us + LOST_S * 1e6 if is_steady else -math.inf
+        self.waiting = fix
+        return True
 
     def expect_after(self, t_us: int) -> None:
         """Refuses fixes up to this time."""
@@ -155,20 +152,19 @@ class VelocityAiding:
         fix = self.waiting
         waiting = () if fix is None else (fix.t_us, *fix.v_n, fix.sigma_m_s, float(fix.independent))
         past = (number for row in self._past for number in row)
-        head = (self._fixes, self._fix_us, self._period_s, self._removed_s, len(waiting))
-        return (*head, *waiting, *past)
+        head = (self._fixes, self._fix_us, self._period_s, self._removed_s, self.aided_until_us)
+        return (*head, len(waiting), *waiting, *past)
 
     def load(self, values: Sequence[float]) -> None:
         """Continues where `values` was taken."""
         self.clear()
         self._fixes, self._fix_us = int(values[0]), values[1]
-        self._period_s, self._removed_s = values[2:4]
-        past = 5 + int(values[4])
-        if past > 5:
-            t_us, north, east, down, sigma, independent = values[5:past]
+        self._period_s, self._removed_s, self.aided_until_us = values[2:5]
+        past = 6 + int(values[5])
+        if past > 6:
+            t_us, north, east, down, sigma, independent = values[6:past]
             fix = VelocityFix(int(t_us), (north, east, down), sigma, independent > 0.0)
             self.waiting = fix
-        self._follow_fixes()
         for i in range(past, len(values), 3):
             self._past.append((values[i], values[i + 1], values[i + 2]))
 

@@ -5,6 +5,7 @@ from needs import DEG
 from synthetic_imu import FIELD_N, GRAVITY, brisk, fly, still
 
 from h2nav.attitude.alignment import attitude, begin, extend, triad
+from h2nav.attitude.samples import ImuSample
 from h2nav.maths import quaternion
 
 ATTITUDES = [
@@ -44,6 +45,12 @@ def test_a_field_along_gravity_gives_no_heading_but_an_attitude() -> None:
 def test_no_force_is_no_alignment(force: quaternion.Vec3) -> None:
     with pytest.raises(ValueError, match="no direction"):
         triad(force, None)
+
+
+def test_a_field_of_zero_is_none() -> None:
+    sample = ImuSample(0, (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), (0.0, 0.0, 0.0))
+    window = extend(begin(sample), sample._replace(t_us=10_000, m_b_ut=FIELD_N), (0.0, 0.0, 0.0))
+    assert (window.forces, window.fields, window.field) == (2, 1, FIELD_N)
 
 
 @pytest.mark.parametrize("law", [still, brisk])

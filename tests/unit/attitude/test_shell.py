@@ -389,19 +389,18 @@ def test_a_latency_that_the_times_no_longer_have_does_not_count_twice(
 # --- sensors that were found wrong ------------------------------------------------------------
 
 
+CORRECTION = SensorCorrection(
+    *((0.5, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    *((0.003, 0.006, 0.009), (0.1, 0.2), 0.05, 0.06),
+)
+
+
 def corrected(made, turn_n=(0.0, 0.0, 0.0)):
     """A filter in flight after a correction, and its attitude before."""
     found = flown(3.0, made, FLYING)
     before = found.update(at(found.t_us + STEP_US))
     found.use_velocity(fix(found.t_us))
-    rate_sigma = (0.003, 0.006, 0.009)
-    found.doubt(
-        SensorDoubt(
-            correction=SensorCorrection(
-                (0.5, 0.0, 0.0), (0.0, 0.0, 0.0), turn_n, rate_sigma, (0.1, 0.2), 0.05, 0.06
-            )
-        )
-    )
+    found.doubt(SensorDoubt(correction=CORRECTION._replace(turn_n=turn_n)))
     return found, before.q_nb
 
 
@@ -435,7 +434,14 @@ def test_a_doubt_of_a_sensor_opens_its_bias_at_most_as_at_the_start(made, sigma,
     assert gyro_sigma(found, 2) == pytest.approx(0.009, rel=0.01)
 
 
-# --- field, restart and state -----------------------------------------------------------------
+# --- start, field, restart and state ----------------------------------------------------------
+
+
+def test_forces_that_cancel_show_no_attitude_and_the_next_ones_do():
+    found = new_filter()
+    for number, force in enumerate((DOWN, (0.0, 0.0, 9.80665), DOWN, DOWN, DOWN)):
+        estimate = found.update(at(number * 20_000, (0.0, 0.0, 0.0), force))
+        assert (estimate is None) is (number < 3)
 
 
 @pytest.mark.parametrize("has_field", [True, False])
@@ -490,6 +496,15 @@ def test_a_state_in_the_middle_of_fixes_goes_on():
     for number in range(50):
         sample = at(one.t_us + STEP_US)
         assert other.update(sample) == one.update(sample), number
+
+
+def test_a_state_after_a_correction_loses_its_velocities_when_the_filter_does():
+    one, _ = aided()
+    until_us = one.aided_until_us
+    one.doubt(SensorDoubt(correction=CORRECTION))
+    other = new_filter()
+    other.restore(one.state())
+    assert other.aided_until_us == one.aided_until_us == until_us
 
 
 def test_the_state_of_another_filter_is_refused():
