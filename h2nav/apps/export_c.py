@@ -1,6 +1,7 @@
 """`h2nav export c`: writes the integer filter of a gain file as freestanding C99."""
 
 import argparse
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,6 +43,11 @@ def run(args: argparse.Namespace) -> int:
 
     path = gain_files.find(args.gains)
     file = gain_files.load(path)
+    if not re.fullmatch(r"[\w .+-]+", file.name):
+        raise BadInput(
+            f"{path}: name: {file.name!r} cannot stand in C; expected letters, digits, blanks and "
+            "_ . + -: name the model so, and make the file again with h2nav synthesize"
+        )
     form = _form(args.form, file.filter_name, str(path))
     image = form.image(file, str(path))
     numbers = values(image.gains, type(image.gains))

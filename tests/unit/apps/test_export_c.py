@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -142,6 +143,17 @@ def test_same_gains_same_files(
         main(["export", "c", gains, "-o", str(tmp_path / folder)])
     for name in FILES:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_name_that_cannot_stand_in_c_is_bad_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = replace(gain_files.load("mpu9250_100hz"), name='my "best" */ gains')
+    file = replace(file, certificate={**file.certificate, "sha256": seal(file)})
+    gain_files.write(tmp_path / "best.yaml", file)
+    assert main(["export", "c", str(tmp_path / "best.yaml"), "-o", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "best.yaml: name: 'my \"best\" */ gains' cannot stand in C" in said
 
 
 def test_unknown_gains_and_unwritable_folder_are_bad_input(
