@@ -38,6 +38,8 @@ _GYRO, _GRAVITY, _MAG = (row(Sample, name) for name in ("gyro", "gravity", "mag"
 # The common field, for which every usable gain file has gains.
 STEEPEST_SURE_DIP_RAD = math.radians(60.0)
 DIP_STEP_RAD = math.radians(1.0)
+# What has turned over a longer gap the rate after it does not say: the filter aligns again.
+LONGEST_GAP_US = 10_000_000
 
 
 def fill_sample(u: Sample, w_b: Vec3, gravity: Vec3, field: Vec3 | None, dt_us: int) -> None:
@@ -142,6 +144,9 @@ class ConstantGainFilter(IgnoresInputs):
         dt_us = 0 if self._t_us is None else sample.t_us - self._t_us
         if dt_us < 0:
             raise ValueError("samples go forward in time")
+        if dt_us > LONGEST_GAP_US:
+            self.restart()
+            dt_us = 0
         self._t_us = sample.t_us
         while dt_us > MAX_DT_US:
             self._coast(sample)

@@ -6,7 +6,11 @@ import random
 import pytest
 from needs import DEG
 
-from h2nav.attitude.constant_gain.filter import ConstantGainFilter, fill_sample
+from h2nav.attitude.constant_gain.filter import (
+    LONGEST_GAP_US,
+    ConstantGainFilter,
+    fill_sample,
+)
 from h2nav.attitude.constant_gain.gains import ConstantGainModel, constant_gain_model
 from h2nav.attitude.constant_gain.kernel import step as kernel
 from h2nav.attitude.constant_gain.memory import Gains, Sample, State
@@ -62,6 +66,33 @@ def test_bias_is_learnt() -> None:
     assert estimate.bias_b == pytest.approx(bias, abs=0.02 * DEG)
     assert estimate.w_b == pytest.approx((0.0, 0.0, 0.0), abs=0.02 * DEG)
     assert Trust.CONVERGED in estimate.trust
+
+
+@pytest.mark.parametrize(("more_us", "is_found_anew"), [(0, False), (1, True)])
+def test_a_gap_is_bridged_by_the_rate_or_ends_with_an_alignment(
+    more_us: int, is_found_anew: bool
+) -> None:
+    attitude_filter = ConstantGainFilter(MODEL)
+    attitude_filter.update(still(ATTITUDES[0], 0))
+    late = still(ATTITUDES[3], LONGEST_GAP_US + more_us)
+    estimate = attitude_filter.update(late)
+    assert estimate is not None
+    assert (Trust.RESTARTED in estimate.trust) is is_found_anew
+    assert (angle(estimate.q_nb, ATTITUDES[3]) < 0.02 * DEG) is is_found_anew
+
+
+def test_a_day_of_silence_costs_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    attitude_filter = ConstantGainFilter(MODEL)
+    attitude_filter.update(still(ATTITUDES[0], 0))
+    step, taken = attitude_filter._step, []
+
+    def counted() -> int:
+        taken.append(step())
+        return taken[-1]
+
+    monkeypatch.setattr(attitude_filter, "_step", counted)
+    assert attitude_filter.update(still(ATTITUDES[0], 86_400_000_000)) is not None
+    assert len(taken) == 1
 
 
 def test_restore_refuses_what_is_not_its_state() -> None:
