@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
+from h2nav.attitude.constant_gain.sensor_gains import DENSITY_LIMITS, density_section
 from h2nav.attitude.gains.densities import SensorDensities
 from h2nav.attitude.samples import EarthField
 from h2nav.errors import BadInput
-from h2nav.maths.units import DEG
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.synthesis.plant import VectorSensor
-from h2nav.validation import Within
+from h2nav.validation import Within, numbers_within
 
-STANDARD_GRAVITY_M_S2 = 9.80665
 # An optional number that was not given.
 ABSENT = math.nan
 # Heading information is proportional to cos^2(dip): beyond this the heading gain is not finite.
@@ -95,7 +95,8 @@ def densities(model: SensorModel, place: str) -> SensorDensities:
         place: the file, for errors.
 
     Raises:
-        BadInput: one line per combination of values without a well-posed synthesis.
+        BadInput: one line per combination of values without a well-posed synthesis, or per density
+            that no gain file may hold.
 
     Source: docs/derivation.md Eq. (4.1).
     """
@@ -109,14 +110,18 @@ def densities(model: SensorModel, place: str) -> SensorDensities:
     declination_deg = (
         0.0 if math.isnan(model.field.declination_deg) else model.field.declination_deg
     )
-    return SensorDensities(
+    found = SensorDensities(
         gyro=gyro * DEG / math.sqrt(2.0),
         bias_walk=_bias_walk_deg(model.gyro) * DEG,
-        accelerometer=accel * 1e-6 * STANDARD_GRAVITY_M_S2 / math.sqrt(2.0),
+        accelerometer=accel * 1e-6 * GRAVITY_M_S2 / math.sqrt(2.0),
         magnetometer=mag / math.sqrt(model.magnetometer.rate_hz),
-        gravity_m_s2=STANDARD_GRAVITY_M_S2,
+        gravity_m_s2=GRAVITY_M_S2,
         field=EarthField(model.field.norm_ut, model.field.dip_deg * DEG, declination_deg * DEG),
     )
+    numbers_within(density_section(found), DENSITY_LIMITS, complaints, place, "in SI, ")
+    if complaints:
+        raise BadInput(*complaints)
+    return found
 
 
 def vector_sensors(densities: SensorDensities) -> tuple[VectorSensor, VectorSensor]:

@@ -27,8 +27,8 @@ _LEVEL_KEYS = {
     "k_dd_rad2": "k_dd",
     "k_nd_rad2": "k_nd",
 }
-# The numbers in a `gains` section.
-_DENSITY_LIMITS = {
+# Of the densities in a `gains` section, and of what they are for.
+DENSITY_LIMITS = {
     "gyro_noise_rad_s_rthz": Within(1e-9, 1.0),
     "gyro_bias_walk_rad_s_rts": Within(0.0, 1.0),
     "accelerometer_noise_m_s2_rthz": Within(1e-7, 100.0),
@@ -123,9 +123,9 @@ def sensor_gains(file: GainFile, place: str) -> SensorGains:
     if file.filter_name != "two_stage":
         raise BadInput(f"{place}: kind: expected two_stage for this filter, found {file.kind}")
     section = file.gains
-    keys = (*_DENSITY_LIMITS, *_LEVEL_KEYS)
+    keys = (*DENSITY_LIMITS, *_LEVEL_KEYS)
     errors = key_complaints(section, keys, keys, place, "gains.")
-    numbers = numbers_within(section, _DENSITY_LIMITS, errors, place, "gains.")
+    numbers = numbers_within(section, DENSITY_LIMITS, errors, place, "gains.")
     if not errors:
         errors = _level_complaints(section, place)
     if errors:
@@ -143,13 +143,9 @@ def sensor_gains(file: GainFile, place: str) -> SensorGains:
     return SensorGains(file.name, file.rate_hz, densities, levels)
 
 
-def sensor_section(gains: SensorGains) -> dict[str, object]:
-    """The `gains` section of a file; `sensor_gains` restores it to the last bit but for the dip.
-
-    The dip goes through degrees, which costs one rounding.
-    """
-    n = gains.densities
-    section: dict[str, object] = {
+def density_section(n: SensorDensities) -> dict[str, float]:
+    """The densities of a `gains` section."""
+    return {
         "gyro_noise_rad_s_rthz": n.gyro,
         "gyro_bias_walk_rad_s_rts": n.bias_walk,
         "accelerometer_noise_m_s2_rthz": n.accelerometer,
@@ -158,6 +154,14 @@ def sensor_section(gains: SensorGains) -> dict[str, object]:
         "field_norm_ut": n.field.norm_ut,
         "field_dip_deg": n.field.dip_rad / DEG,
     }
+
+
+def sensor_section(gains: SensorGains) -> dict[str, object]:
+    """The `gains` section of a file; `sensor_gains` restores it to the last bit but for the dip.
+
+    The dip goes through degrees, which costs one rounding.
+    """
+    section: dict[str, object] = {**density_section(gains.densities)}
     for key, attribute in _LEVEL_KEYS.items():
         section[key] = [getattr(level, attribute) for level in gains.levels]
     return section
