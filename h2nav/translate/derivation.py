@@ -255,9 +255,11 @@ class _Derivation:
     def _narrow(self, test: ast.expr, *, truth: bool) -> None:
         """Limits a local variable to what its comparison with a constant leaves."""
         match test:
-            case ast.Compare(left=ast.Name(id=name), ops=[operator], comparators=[right]) if (
-                name in self._locals
-            ):
+            case ast.Compare(
+                left=ast.Name(id=name),
+                ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as operator],
+                comparators=[right],
+            ) if name in self._locals:
                 bound = self._value(right, None)
                 if not isinstance(bound, float):
                     return
@@ -445,8 +447,6 @@ def _fields(body: Sequence[ast.stmt], context: type[ast.expr_context]) -> set[st
                 ctx, context
             ):
                 found.add(ast.unparse(vector))
-            case ast.Attribute(ctx=ctx) if isinstance(ctx, context) and context is ast.Store:
-                found.add(ast.unparse(node))
             case ast.Attribute(ctx=ctx) if isinstance(ctx, context):
                 found.add(ast.unparse(node))
     return found

@@ -214,14 +214,17 @@ def test_a_wide_factor_is_taken_in_halves() -> None:
         ("s.a = s.a + math.sqrt(x)", "is by hand"),
         ("s.c = s.c + x", "declared -3..3"),
         ("s.a = x / y", "not negative"),
+        # what is not zero may lie on either side of it
+        ("z = x\n    if z != 0.0:\n        s.d = z", r"-1000\.\.1000, declared 0\.\.1000"),
         ("while x > y:\n        s.a = x", "writes nothing"),
     ],
 )
 def test_refusals_name_the_place(text: str, reason: str) -> None:
-    grids = {"s__a": A, "s__c": Grid(2.0**-10, -3, 3), "x": A, "y": A}
+    few, positive = Grid(2.0**-10, -3, 3), Grid(2.0**-10, 0, 1000)
+    grids = {"s__a": A, "s__c": few, "s__d": positive, "x": A, "y": A}
     body = f"\ndef work(s: State, x: float, y: float, z: float) -> None:\n    {text}\n"
     with pytest.raises(Underivable, match=reason):
-        made_of(body, ("s.a", "s.c"), **grids)
+        made_of(body, ("s.a", "s.c", "s.d"), **grids)
 
 
 def test_a_part_that_reads_what_the_rest_has_written_is_refused() -> None:

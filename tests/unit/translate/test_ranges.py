@@ -259,7 +259,7 @@ def test_floats_are_a_kind_without_a_range(body: str) -> None:
         # C declares what only a loop's body mentions anew in each pass, and its own counter
         ("z = 0\nfor i in range(3):\n    z = z + i", CARRIED, "z is not a number that is set on"),
         ("a = [0]\nfor i in range(3):\n    a[0] = i", CARRIED_LIST, "a is not set on every path"),
-        ("for i in range(3):\n    z = i", "for i in range(3):\n    i = 2", "the variable of a loop"),
+        ("for i in range(3):\n    z = i", "for i in range(3):\n    i = 2", "variable of a loop"),
         ("a = [0]\nz = a[0]", "if x > 0:\n    a = [0]\nz = a[0]", "a is not set on every path"),
         ("a = [0, 0]\nput(a, x)", "if x > 0:\n    a = [0, 0]\nput(a, x)", "needs an array for a"),
         ("z = TABLE[0]", "z = WIDE[0]", "only arrays may be subscripted"),
