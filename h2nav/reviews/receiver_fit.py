@@ -118,7 +118,7 @@ def gained(
     t_s = moves.t_s - lag_s
     v_s = interpolated(t_s, track.t_s, np.cumsum(force * dt_s[:, None], axis=0))
     v_n = moves.v_n.copy()
-    v_n[:, 2] -= GRAVITY_M_S2 * (t_s - t_s[0])
+    v_n[:, 2] -= GRAVITY_M_S2 * (t_s - t_s[:1])
     return q_sb, t_s, v_s, v_n
 
 

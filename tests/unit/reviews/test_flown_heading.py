@@ -43,6 +43,7 @@ def found_in(
     turn_deg_s=0.0,
     late_s=0.0,
     lifted=(0.0, END_S),
+    has_fix=True,
 ):
     """What is found of a level vehicle pushed to and fro, whose autopilot's heading is off."""
     heading = turn_deg_s * DEG * T_S
@@ -55,7 +56,7 @@ def found_in(
     )
     track = imu_track(T_S, (0.0, 0.0, turn_deg_s * DEG), f_b)
     noise = np.random.default_rng(3).normal(0.0, noise_m_s, (len(FIX_S), 3))
-    fixes = receiver_track(FIX_S, speed(FIX_S - late_s, size) + noise)
+    fixes = receiver_track(FIX_S, speed(FIX_S - late_s, size) + noise, has_fix)
     first, after = np.searchsorted(T_S, lasts)
     wrong = np.zeros(len(T_S))
     wrong[first:after] = off_deg * DEG
@@ -73,6 +74,10 @@ def found_in(
             }
         )
     )
+
+
+def test_a_receiver_that_never_had_a_fix_shows_no_heading():
+    assert not found_in(has_fix=False)
 
 
 def test_what_is_told():
