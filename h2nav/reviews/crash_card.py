@@ -67,8 +67,8 @@ def _attitude(crash: Entry, last: Entry) -> str:
     if not last or last["roll_deg"] is None:
         return ""
     asked = ""
-    if last["demanded_roll_deg"] is not None:
-        roll, pitch = last["demanded_roll_deg"], last["demanded_pitch_deg"]
+    roll, pitch = last["demanded_roll_deg"], last["demanded_pitch_deg"]
+    if roll is not None and pitch is not None:
         asked = f"; demanded {_signed(roll)} and {_signed(pitch)} deg"
     return (
         f"roll {_signed(last['roll_deg'])} deg, pitch {_signed(last['pitch_deg'])} deg "

@@ -115,7 +115,7 @@ def _moments(flight: Flight, t_s: float) -> tuple[BeforeCrash, ...]:
     height_m = _height(context, np.append(at_s, t_s))
     climb = [_near(source.t_s, source.climb_m_s, at_s) for source in climbs(context)]
     angles, asked = _roll_and_pitch(flight, at_s), _demand(context, at_s)
-    climb_m_s = _median(np.array(climb).reshape(-1, len(at_s)))
+    climb_m_s = _median(np.array(climb).reshape(len(climb), len(at_s)))
     speed_m_s = _ground_speed(context, at_s)
     motors = context.motors
     shares: Array = np.zeros((len(at_s), 0))

@@ -9,6 +9,7 @@ from made_flight import made_crash, page_of, text_of
 from needs import DEG
 
 from h2nav.recordings.context import Span
+from h2nav.reviews.crash_card import crash_cards
 from h2nav.reviews.document import document
 from h2nav.reviews.impacts import Impact
 from h2nav.reviews.last_seconds import BEFORE_S, last_seconds
@@ -46,6 +47,14 @@ def test_it_falls_as_it_was_made_to(crashed):
     assert at[0.2].ground_speed_m_s > 1.0
 
 
+@pytest.mark.parametrize(("t_s", "before_s"), [(0.1, []), (0.3, [0.2])])
+def test_a_recording_may_begin_with_the_crash(crashed, t_s, before_s):
+    flight = crashed[0]
+    (lost, crash) = flight.findings
+    (found,) = last_seconds(flight, (lost, crash._replace(from_s=t_s)), ())
+    assert [one.before_s for one in found.before] == before_s
+
+
 def test_what_was_not_recorded_is_unknown(crashed):
     flight = crashed[0]
     bare = flight._replace(
@@ -61,6 +70,17 @@ def test_what_was_not_recorded_is_unknown(crashed):
     assert (found.attitude_by, found.mode, found.commanded_by) == ("", "", "")
     assert (found.sticks, found.reports, found.motors) == ({}, (), ())
     assert all(np.isnan(one[1:-1]).all() for one in found.before)
+
+
+@pytest.mark.parametrize(("pitch_deg", "is_told"), [(-3.0, True), (None, False)])
+def test_a_demand_is_told_of_both_axes(pitch_deg, is_told):
+    last = {"before_s": 0.2, "roll_deg": 1.0, "pitch_deg": 2.0, "demanded_roll_deg": 5.0,
+            "demanded_pitch_deg": pitch_deg, "motors_percent": []}  # fmt: skip
+    unknown = dict.fromkeys(("height_m", "climb_m_s", "ground_speed_m_s"))
+    crash = {"t_s": 1.0, "before": [unknown | last], "reports": [], "attitude_by": "EKF3",
+             "commanded_by": "", "motors": []}  # fmt: skip
+    card, _ = crash_cards([crash | dict.fromkeys(("speed_m_s", "fell_m", "peak_m_s2"))])
+    assert ("; demanded +5 and −3 deg" in card) == is_told
 
 
 @pytest.mark.parametrize(
