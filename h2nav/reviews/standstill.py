@@ -162,6 +162,8 @@ def _force(rest: Rest, imu: Sensor) -> list[Finding]:
     is_scale = abs(apart) > SCALE_SHARE * GRAVITY_M_S2
     # It may have come in flight, in a hover as calm as rest.
     times = rest.t_s[np.abs(norms - norm) < FORCE_M_S2]
+    if not len(times):
+        return []  # half of the windows on either side: none shows what lies between
     share = apart / GRAVITY_M_S2
     return [
         Finding(

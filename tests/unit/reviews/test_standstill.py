@@ -120,6 +120,13 @@ def test_a_force_takes_two_windows(count, is_told):
     assert (found_in(rest(f_b=(0.0, 0.0, -11.0), count=count)) is not None) == is_told
 
 
+@pytest.mark.parametrize(("other", "is_told"), [(8.5, True), (9.8, False)])
+def test_of_windows_that_show_two_forces_none_shows_the_one_between(other, is_told):
+    two = rest(f_b=(0.0, 0.0, -8.0), count=2)
+    two.f_b[1] = (0.0, 0.0, -other)
+    assert (found_in(two) is not None) == is_told
+
+
 def test_what_it_shows_in_numbers():
     assert force_error(NEVER) == 0.0
     assert force_error(rest(f_b=(0.0, 6.0, -8.0))) == pytest.approx(10.0 - GRAVITY_M_S2)
