@@ -11,6 +11,7 @@ from h2nav.recordings.context import Context
 from h2nav.recordings.motor_outputs import ON_THE_GROUND
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
+from h2nav.reviews.control import WITHOUT_ATTITUDE
 from h2nav.reviews.declared import Trait
 from h2nav.reviews.estimators import RELEASED
 from h2nav.reviews.evidence import Ending
@@ -18,12 +19,14 @@ from h2nav.reviews.flight import Flight
 from h2nav.reviews.heights import HEIGHT_LOST
 from h2nav.reviews.impacts import HIGH_M, LYING_RAD, MIN_HEIGHTS, crash_checks
 from h2nav.reviews.motors import LIMIT_SHARE
-from h2nav.reviews.subjects import KINDS, impacts
+from h2nav.reviews.subjects import KINDS, control, impacts
 from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 
 # Findings this close to a time belong to it.
 NEAR_S = 1.5
+# How it was before a blow, which filters smear.
+BEFORE_S = 1.0
 MAX_SENSORS = 3
 FULL_THROTTLE, NO_THROTTLE, SHORTLY_S = 0.97, 0.02, 0.1
 ON_ITS_BACK_RAD = 120.0 * DEG
@@ -149,10 +152,10 @@ def _crash(context: Context, analysis: Analysis, crash: Finding, found: list[Fin
     end += _lay(crash, analysis)
     chained = _path(crash, found)
     if not chained or chained[0].kind is Kind.MOTOR_SATURATED:
-        return f"{end[:1].upper()}{end[1:]}. {_before(context, crash, found)}".strip()
+        return f"{end[:1].upper()}{end[1:]}. {_before(context, analysis, crash, found)}".strip()
     root = chained[0]
     if root.kind is Kind.LOSS_OF_CONTROL:
-        return f"{end[:1].upper()}{end[1:]}. {_before(context, crash, found)}"
+        return f"{end[:1].upper()}{end[1:]}. {_before(context, analysis, crash, found)}"
     begin = _timed(root)
     if root.kind == FLOWN_INTO_GROUND:
         begin = _phrase(root)
@@ -222,13 +225,23 @@ def _lay(crash: Finding, analysis: Analysis) -> str:
     return " and came to lie on its side" if tilt > LYING_RAD else ""
 
 
-def _before(context: Context, crash: Finding, found: list[Finding]) -> str:
+def _before(context: Context, analysis: Analysis, crash: Finding, found: list[Finding]) -> str:
     """How control was lost, or that it was not."""
     lost = next((one for one in found if one.id == crash.cause), None)
     if lost is None or lost.kind is not Kind.LOSS_OF_CONTROL:
-        followed = "Until the blow it followed its demand" if context.demand is not None else ""
-        return _state(context, crash.from_s - 1.0, followed)
+        is_compared = _is_compared(context, analysis, crash.from_s)
+        followed = "Until the blow it followed its demand" if is_compared else ""
+        return _state(context, crash.from_s - BEFORE_S, followed)
     return _state(context, lost.from_s, f"Control was lost at {_at(lost)}: {lost.text}")
+
+
+def _is_compared(context: Context, analysis: Analysis, t_s: float) -> bool:
+    """Whether attitude and demand were compared shortly before."""
+    mode = next((mode.name for mode in reversed(context.modes) if mode.from_s <= t_s), "")
+    if control.SUBJECT.name not in analysis.looked_at or mode.upper() in WITHOUT_ATTITUDE:
+        return False
+    known_s = np.zeros(0) if context.demand is None else context.demand.t_s
+    return bool(((known_s > t_s - NEAR_S) & (known_s <= t_s - BEFORE_S)).any())
 
 
 def _at(one: Finding) -> str:

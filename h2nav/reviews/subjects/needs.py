@@ -1,5 +1,7 @@
 """What a subject needs to be looked at: each returns why it is missing, or nothing."""
 
+import math
+
 import numpy as np
 
 from h2nav.recordings.context import Array
@@ -72,7 +74,7 @@ def demand(evidence: FlightEvidence) -> str:
 
 
 def _period_s(t_s: Array) -> float:
-    return float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
+    return float(np.median(np.diff(t_s))) if len(t_s) > 1 else math.inf
 
 
 def battery(evidence: FlightEvidence) -> str:

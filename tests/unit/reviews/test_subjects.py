@@ -109,6 +109,7 @@ def test_an_autopilot_that_said_nothing_may_not_have_been_heard():
     (0.2, 0.2, ""),
     (0.25, 0.1, "4.0 a second are too seldom"),
     (0.1, 0.5, "2.0 a second are too seldom"),
+    (200.0, 0.1, "0.0 a second are too seldom"),  # one alone
 ])  # fmt: skip
 def test_seldom_attitudes_do_not_show_whether_they_follow_a_demand(demand_s, attitude_s, why):
     made = flight()

@@ -12,7 +12,7 @@ from h2nav.recordings.context import Context, Motors, Said, Series, Span
 from h2nav.reviews.estimators import RELEASED
 from h2nav.reviews.evidence import Ending
 from h2nav.reviews.impacts import Impact
-from h2nav.reviews.subjects import impacts
+from h2nav.reviews.subjects import control, impacts
 from h2nav.reviews.subjects.motors_stopped import MOTORS_STOPPED
 from h2nav.reviews.subjects.pilot import FLOWN_INTO_GROUND
 from h2nav.reviews.verdict import first_sentence, verdict
@@ -21,6 +21,8 @@ DEG = np.pi / 180.0
 END_S, AT_S = 100.0, 60.0
 T_S = np.arange(0.0, END_S, 0.1)
 LOOKED = (impacts.SUBJECT.name, "battery")
+COMPARED = (*LOOKED, control.SUBJECT.name)
+DEMAND = Series(T_S, np.zeros((len(T_S), 3)))
 IMU, COMPASS, GPS = (Sensor(kind) for kind in (SensorKind.IMU, SensorKind.COMPASS, SensorKind.GPS))
 VEHICLE = Sensor(SensorKind.VEHICLE)
 
@@ -219,8 +221,16 @@ SOUND = "Sensors and estimators were sound until then."
          "Crashed on take-off at 60 s."),
         ({"airborne": Series(np.array([70.0]), np.array([0.0]))}, "Crashed on take-off at 60 s."),
         ({"airborne": Series(np.zeros(0), np.zeros(0))}, "Crashed at 60 s."),
-        ({"demand": Series(T_S, np.zeros((len(T_S), 3)))},
+        ({"demand": DEMAND, "looked": COMPARED},
          "Crashed at 60 s. Until the blow it followed its demand."),
+        # nobody compared them, or not then, or they were rates
+        ({"demand": DEMAND}, "Crashed at 60 s."),
+        ({"demand": Series(T_S[:580], DEMAND.values[:580]), "looked": COMPARED},
+         "Crashed at 60 s."),
+        ({"demand": Series(T_S[595:], DEMAND.values[595:]), "looked": COMPARED},
+         "Crashed at 60 s."),
+        ({"demand": DEMAND, "looked": COMPARED, "modes": (Span(50.0, END_S, "Acro"),)},
+         "Crashed at 60 s."),
     ],
 )  # fmt: skip
 def test_how_it_crashed(how, first):
