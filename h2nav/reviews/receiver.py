@@ -59,7 +59,11 @@ MIN_LAG_WINDOWS = 100
 LATEST_USABLE_S = 0.25
 # Difference to the configured delay: 0.1 s in a turn of 1 g are 1 m/s.
 LAG_APART_S = 0.1
-DELAY_PARAMETERS = ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY")
+# By the number of the receiver, from 1; a third one is ArduPilot's blend of both, and has none.
+DELAY_PARAMETERS = {
+    1: ("GPS1_DELAY_MS", "GPS_DELAY_MS", "EKF2_GPS_DELAY"),
+    2: ("GPS2_DELAY_MS", "GPS_DELAY_MS2", "EKF2_GPS_DELAY"),
+}
 # EK3_GLITCH_RAD is 25 m; between two fixes of one second a receiver's own noise is below 3 m.
 JUMP_M = 10.0
 LOST_S, SILENT_SHARE = 1.0, 0.5
@@ -242,9 +246,8 @@ def _lag_findings(
 ) -> list[Finding]:
     if math.isnan(lag_s):
         return []
-    configured = next(
-        (context.parameters[p] for p in DELAY_PARAMETERS if context.parameters.get(p)), None
-    )
+    names = DELAY_PARAMETERS.get(sensor.number or 1, ())
+    configured = next((context.parameters[p] for p in names if context.parameters.get(p)), None)
     apart = None if configured is None else lag_s - configured * 1e-3
     period_s = float(np.median(np.diff(moves.t_s)))
     is_late = lag_s > LATEST_USABLE_S + polled_s + 0.5 * period_s

@@ -12,7 +12,7 @@ from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.context import NO_ARMING, Context, GpsTrack, Series, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
-from h2nav.reviews.inertial import exponential
+from h2nav.reviews.inertial import best_attitude, exponential
 from h2nav.reviews.receiver import _by_course, detect_receiver, moves_of
 from h2nav.reviews.subjects.receiver import weighed
 
@@ -51,6 +51,15 @@ def test_a_lag_otherwise_than_configured_is_told():
     finding = only(flown, "gps_lag")
     assert finding.severity is Severity.NOTICE
     assert "50 ms are configured" in finding.evidence
+
+
+@pytest.mark.parametrize(("receiver", "told"), [(0, "50 ms"), (1, None), (2, None)])
+def test_a_lag_is_compared_with_the_setting_of_its_own_receiver(receiver, told):
+    flown = flight(parameters={"GPS_DELAY_MS": 50.0, "GPS_DELAY_MS2": 200.0})
+    gps, best = gps_track("flight", 0.2)._replace(receiver=receiver), best_attitude(flown)
+    _, found = detect_receiver(gps, flown.context, flown.context.imus[0], best, is_polled=False)
+    (evidence,) = [one.evidence for one in found if one.kind is Kind.GPS_LAG] or [None]
+    assert evidence is None if told is None else f"{told} are configured" in evidence
 
 
 def test_a_vehicle_at_rest_shows_no_lag():
