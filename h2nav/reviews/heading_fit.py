@@ -12,7 +12,7 @@ import numpy as np
 
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, ImuTrack
-from h2nav.reviews.inertial import Attitudes, Mask, rotate, runs
+from h2nav.reviews.inertial import Attitudes, Mask, rotate, unbroken
 from h2nav.reviews.receiver_fit import (
     HALF_S,
     LONGEST_PAUSE_S,
@@ -101,15 +101,13 @@ def longest_off(known: Headings) -> Off | None:
         is_off = (np.abs(known.off_rad) > most) & (
             (sign * known.off_rad > 0.0) | (np.abs(known.off_rad) > np.pi - OFF_RAD)
         )
-        for first, last in runs(is_off):
-            apart = first + 1 + np.flatnonzero(np.diff(known.t_s[first : last + 1]) > HALF_S)
-            for part in np.split(np.arange(first, last + 1), apart - first):
-                off = Off(
-                    float(known.t_s[part[0]]) - HALF_S,
-                    float(known.t_s[part[-1]]) + HALF_S,
-                    float(np.median(np.abs(known.off_rad[part]))),
-                    len(part),
-                )
-                if off.windows >= MIN_WINDOWS_OFF and (best is None or off.windows > best.windows):
-                    best = off
+        for first, last in unbroken(is_off, known.t_s, HALF_S):
+            off = Off(
+                float(known.t_s[first]) - HALF_S,
+                float(known.t_s[last]) + HALF_S,
+                float(np.median(np.abs(known.off_rad[first : last + 1]))),
+                last + 1 - first,
+            )
+            if off.windows >= MIN_WINDOWS_OFF and (best is None or off.windows > best.windows):
+                best = off
     return best

@@ -4,6 +4,7 @@ Everything works on whole arrays. Quaternions are Hamilton, body to NED, in rows
 """
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ LONGEST_GAP_S = 0.5
 # A sample that comes later than this after the previous one holds for no longer.
 LONGEST_STEP_S = 0.1
 SLOWED_HZ = 100.0
+# No sensor is this late by itself: the shortest pause of a recording, also in usual steps.
+PAUSE_S, PAUSE_PERIODS = 1.0, 3.0
 # Samples slower than this do not show the motion between them.
 STEADY_HZ = 45.0
 
@@ -241,6 +244,16 @@ def runs(is_so: Mask) -> list[tuple[int, int]]:
     return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
 
 
+def unbroken(is_so: Mask, t_s: Array, longest_s: float) -> list[tuple[int, int]]:
+    """The same, each ending where nothing was logged for longer than this."""
+    found: list[tuple[int, int]] = []
+    for first, last in runs(is_so):
+        cuts = first + 1 + np.flatnonzero(np.diff(t_s[first : last + 1]) > longest_s)
+        edges = [first, *cuts.tolist(), last + 1]
+        found += [(one, after - 1) for one, after in pairwise(edges)]
+    return found
+
+
 def widened(is_so: Mask, count: int) -> Mask:
     """(N,) whether it is true in any of the neighbours, so many to either side."""
     sums = np.cumsum(np.concatenate(([0], is_so.astype(int))))
@@ -294,6 +307,14 @@ def slowed(track: ImuTrack) -> ImuTrack:
         f_b=track.f_b[:whole].reshape(-1, together, 3).mean(axis=1, dtype=float),
         m_b_ut=fields[np.arange(len(fields)), newest],
     )
+
+
+def rate_of(t_s: Array) -> float:
+    """Samples a second of at least two, without the pauses in which nothing was logged."""
+    steps_s = np.diff(t_s)
+    is_pause = steps_s > max(PAUSE_S, PAUSE_PERIODS * float(np.median(steps_s)))
+    logged_s = float(t_s[-1] - t_s[0]) - float(steps_s[is_pause].sum())
+    return float(np.count_nonzero(~is_pause)) / max(logged_s, 1e-9)
 
 
 def thinned(length: int, most: int) -> NDArray[np.intp]:

@@ -8,7 +8,6 @@ centre.
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ChangedSetting, Context, Motors, Span
 from h2nav.reviews.impacts import BIN_S, TURNED_RAD, Bins, Impact, in_flight, turned_before
-from h2nav.reviews.inertial import Mask, joined, runs, within
+from h2nav.reviews.inertial import Mask, joined, runs, unbroken, within
 from h2nav.reviews.vertical import Climb, climbs
 
 # Level flight, where the outputs are steady: this much of it in total.
@@ -42,6 +41,8 @@ TOGETHER_SHARE = 0.85
 # against its demand.
 ALONE_SHARE, FAILING_S, FAILED_RAD_S, BEFORE_S = 0.5, 0.5, 60.0 * DEG, 1.0
 ALONE_S = 0.3
+# Bins further apart than this do not follow each other: what lasts tenths of a second is seen.
+NEXT_BIN_S = 1.5 * BIN_S
 # A motor that runs away is braked alone, for this long, to less than half of its usual output, well
 # below the others; the force is above the usual, and above what the outputs together ask for: its
 # thrust goes with the square of the speed.
@@ -417,7 +418,7 @@ def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
         rest = (share.sum(axis=1) - share[:, motor]) / (count - 1)
         alone = (share[:, motor] > LIMIT_SHARE) & (rest < ALONE_SHARE)
         alone &= outputs.flies & (rate > FAILED_RAD_S)
-        times = _unbroken(alone, bins.t_s)
+        times = unbroken(alone, bins.t_s, NEXT_BIN_S)
         for place, (first, last) in enumerate(times):
             before = slice(max(first - 2 * window, 0), first + 1)
             force = np.linalg.norm(bins.f_b[before], axis=1) / GRAVITY_M_S2
@@ -449,16 +450,6 @@ def _in_vain(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     return sorted(found, key=lambda one: one.from_s)[:1]
 
 
-def _unbroken(is_so: Mask, t_s: Array) -> list[tuple[int, int]]:
-    """Runs of bins, each ending where nothing was logged: what lasts tenths of a second is seen."""
-    found: list[tuple[int, int]] = []
-    for first, last in runs(is_so):
-        cuts = first + 1 + np.flatnonzero(np.diff(t_s[first : last + 1]) > 1.5 * BIN_S)
-        edges = [first, *cuts.tolist(), last + 1]
-        found += [(one, after - 1) for one, after in pairwise(edges)]
-    return found
-
-
 def _runs_away(outputs: MotorOutputs, motors: Motors) -> list[Finding]:
     """One motor gives its thrust whatever it is asked: the first one.
 
@@ -480,7 +471,8 @@ def _run_away(outputs: MotorOutputs, motor: int, number: int) -> Finding | None:
     asked = (share**2).mean(axis=1)
     window = round(FAILING_S / BIN_S)
     others = np.delete(share, motor, axis=1).min(axis=1, initial=1.0)
-    times = _unbroken((share[:, motor] < others - BELOW_OTHERS) & flies, bins.t_s)
+    braked = (share[:, motor] < others - BELOW_OTHERS) & flies
+    times = unbroken(braked, bins.t_s, NEXT_BIN_S)
     for first, last in times:
         before = np.flatnonzero(flies[: max(first - window, 0)])
         if bins.t_s[last] - bins.t_s[first] + BIN_S < BRAKED_S or len(before) < MIN_BINS // 2:

@@ -13,7 +13,7 @@ import numpy as np
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.recordings.context import Array, Burst, ImuTrack, Span, VibrationTrack
-from h2nav.reviews.inertial import Mask, within
+from h2nav.reviews.inertial import Mask, rate_of, within
 from h2nav.reviews.tracks import Peak, Spectrum, Vibrations
 
 MAX_BINS = 256
@@ -319,7 +319,7 @@ def detect_vibration(
     """
     t_s = track.t_s
     clipped = (np.abs(track.f_b) >= CLIPPED_M_S2) @ np.ones(3) > 0.0
-    rate_hz = (len(t_s) - 1) / max(float(t_s[-1] - t_s[0]), 1e-9) if len(t_s) > 1 else 0.0
+    rate_hz = rate_of(t_s) if len(t_s) > 1 else 0.0
     level = vibe(track.f_b, rate_hz)
     flying = within(t_s, armed)
     found = [] if is_reported else _level(track, level, flying, rate_hz)

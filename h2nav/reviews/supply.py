@@ -8,7 +8,7 @@ import numpy as np
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import Array, Battery, Context
 from h2nav.reviews.impacts import driven_at
-from h2nav.reviews.inertial import runs, within
+from h2nav.reviews.inertial import Mask, unbroken, within
 
 # Failsafes also trigger, and are logged, at the moment of arming.
 AROUND_S = 5.0
@@ -23,6 +23,8 @@ BARO = re.compile(
 VOLTS = re.compile(r"(\d+(?:\.\d+)?) ?V\b")
 # A voltage below the configured limit, for this long (BATT_LOW_TIMER is 10 s).
 LOW_S, MEASURED_V = 10.0, 1.0
+# A voltage that was not logged for this long, nor for so many usual steps, may have been another.
+UNKNOWN_S, UNKNOWN_ROWS = 5.0, 3.0
 LIMITS = ("BATT_LOW_VOLT", "FS_BATT_VOLTAGE")
 # No cell that flies holds less than this under load; a pack has two at the least. Nor does a
 # battery's voltage rise by this share while it carries a vehicle.
@@ -136,6 +138,12 @@ def _measured(battery: Battery) -> Array:
     return np.where(battery.voltage_v > MEASURED_V, battery.voltage_v, np.nan)
 
 
+def _runs(is_so: Mask, t_s: Array) -> list[tuple[int, int]]:
+    """First and last row of each run; between two flights nothing is known of the battery."""
+    usual_s = float(np.median(np.diff(t_s, prepend=t_s[:1])))
+    return unbroken(is_so, t_s, max(UNKNOWN_S, UNKNOWN_ROWS * usual_s))
+
+
 def _lowest(context: Context) -> float:
     values = [
         volts[within(battery.t_s, context.armed) & np.isfinite(volts)]
@@ -153,7 +161,7 @@ def _below_limit(context: Context) -> tuple[float, float, str] | None:
     battery, limit = context.batteries[0], context.parameters[name]
     volts = _measured(battery)
     low = (volts < limit) & within(battery.t_s, context.armed)
-    pieces = [(battery.t_s[a], battery.t_s[b]) for a, b in runs(low)]
+    pieces = [(battery.t_s[a], battery.t_s[b]) for a, b in _runs(low, battery.t_s)]
     if not pieces:
         return None
     from_s, to_s = max(pieces, key=lambda piece: piece[1] - piece[0])
@@ -180,7 +188,7 @@ def _emptied(context: Context) -> tuple[float, float, str] | None:
     carries = armed & (driven > CARRIES_SHARE)
     usual = driven[carries & (volts >= HELD_CELL_V * cells)]
     empty = armed & (volts < EMPTY_CELL_V * cells)
-    for first, last in runs(empty):
+    for first, last in _runs(empty, battery.t_s):
         lasted_s = float(battery.t_s[last] - battery.t_s[first])
         asked = float(np.median(driven[first : last + 1]))
         if lasted_s >= EMPTY_S and len(usual) and asked > ASKED_MORE * np.median(usual):

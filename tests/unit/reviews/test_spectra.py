@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from known_evidence import imu_track
 from reviewed_flights import DURATION_S, flight, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.recordings.context import Burst, VibrationTrack
+from h2nav.recordings.context import Burst, Span, VibrationTrack
 from h2nav.reviews.analysis import analyse
-from h2nav.reviews.spectra import vibe
+from h2nav.reviews.spectra import detect_vibration, vibe
 
 RATE_HZ = 2000.0
 LENGTH = 1024
@@ -99,6 +100,16 @@ def test_strong_vibration_is_told_once():
     )
     again = analyse(flown._replace(findings=(in_flight,))).findings
     assert "vibration_level" not in {f.kind for f in again}
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 200.0])
+def test_what_was_not_logged_makes_no_samples_seldom(pause_s):
+    t_s = np.arange(0.0, 20.0, 0.01)
+    f_b = 40.0 * np.random.default_rng(1).normal(0.0, 1.0, (len(t_s), 3))
+    f_b[(t_s < 5.0) | (t_s > 8.0)] *= 0.02
+    track = imu_track(np.where(t_s > 15.0, t_s + pause_s, t_s), f_b=f_b)
+    (found,) = detect_vibration(track, (Span(0.0, 300.0, ""),), is_reported=False)[1]
+    assert "for 3 s, by ArduPilot's VIBE of samples at 100 Hz" in found.evidence
 
 
 @pytest.mark.parametrize(

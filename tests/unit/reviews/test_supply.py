@@ -69,6 +69,16 @@ def test_a_voltage_below_the_limit_for_ten_seconds(length_s, volts, limit, is_to
         )
 
 
+@pytest.mark.parametrize(("gap_s", "is_told"), [(4.0, True), (6.0, False)])
+def test_between_two_flights_nothing_is_known_of_the_battery(gap_s, is_told):
+    t_s = np.where(T_S > 44.0, T_S + gap_s, T_S)
+    rows = Battery(0, t_s, dip(9.0, 10.4), 0.0 * t_s, 0.0 * t_s)
+    armed = (Span(15.0, 44.0, ""), Span(44.0 + gap_s, 90.0, ""))
+    assert (
+        bool(detect_battery(Context(batteries=(rows,), armed=armed, parameters=LIMIT))) == is_told
+    )
+
+
 def test_the_longest_of_several_times_is_told():
     volts = np.minimum(dip(12.0, 10.0), np.where((T_S >= 60.0) & (T_S <= 75.0), 10.2, 11.5))
     found = battery(volts, **LIMIT)
