@@ -41,7 +41,7 @@ from h2nav.reviews.receiver import delay_of, moves_of
 from h2nav.reviews.receiver_fit import Moves
 from h2nav.reviews.sensor_bias import detect_biases, measuring
 from h2nav.reviews.standstill import NEVER, Rest, rest_of
-from h2nav.reviews.timing import pauses
+from h2nav.reviews.timing import pauses, stamps_s
 from h2nav.reviews.tracks import Bias
 from h2nav.reviews.vertical import Climb, Contact, climbs, contacts
 
@@ -215,7 +215,7 @@ def met(evidence: FlightEvidence) -> list[Contact]:
 def blows(evidence: FlightEvidence) -> tuple[Impact, ...]:
     """Crashes and hard landings, in order."""
     track, binned_ = evidence.of(soundest_as_recorded), evidence.of(bins)
-    if track is None or binned_ is None:
+    if track is None or binned_ is None or not len(binned_.t_s):
         return ()
     context = evidence.of(recorded)
     return with_contacts(
@@ -423,12 +423,12 @@ def _without_field(track: ImuTrack) -> ImuTrack:
 
 def _stamped(track: ImuTrack) -> ImuTrack:
     """Samples with their own stamps as times."""
-    return _in_order(track._replace(t_s=(track.stamp_us - track.stamp_us[0]) * 1e-6))
+    return _in_order(track._replace(t_s=stamps_s(track)))
 
 
 def _in_order(track: ImuTrack) -> ImuTrack:
     """Samples with increasing times."""
-    return _part(track, np.diff(track.t_s, prepend=-np.inf) >= 0.0)
+    return _part(track, track.t_s >= np.fmax.accumulate(track.t_s))
 
 
 def _numbers(track: ImuTrack) -> ImuTrack:

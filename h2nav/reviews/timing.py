@@ -94,7 +94,7 @@ def detect_timing(
     if len(track.t_s) < MIN_SAMPLES or not track.is_timed:
         return _empty(track), []
     imu = Sensor(SensorKind.IMU, track.imu + 1)
-    stamp_s, found = _without_jumps(imu, track, _stamps(track))
+    stamp_s, found = _without_jumps(imu, track, stamps_s(track))
     late_s, drift_ppm = _lateness(track.t_s, stamp_s)
     timing = _columns(track, stamp_s, late_s)
     found += _gaps(imu, track, stamp_s, armed, paused)
@@ -111,8 +111,8 @@ def _empty(track: ImuTrack) -> TimingTrack:
     return TimingTrack(track.imu, track.source, nothing, nothing, nothing, nothing)
 
 
-def _stamps(track: ImuTrack) -> Array:
-    """(N,) the autopilot's clock, s, continuous through reboots and wraps."""
+def stamps_s(track: ImuTrack) -> Array:
+    """(N,) the autopilot's clock, continuous through reboots and wraps, 0 at first."""
     steps = np.diff(track.stamp_us)
     arrival_us = np.diff(track.t_s) * 1e6
     is_new = (steps < REBOOT_US) | (steps > arrival_us + 60e6)

@@ -13,6 +13,7 @@ from h2nav.recordings.context import Context, Series, Span, VibrationTrack
 from h2nav.reviews import evidence as of
 from h2nav.reviews.impacts import BIN_S
 from h2nav.reviews.standstill import NEVER
+from h2nav.reviews.vertical import Contact
 
 END_S = 100.0
 ARMED = (Span(0.0, END_S, "armed"),)
@@ -110,6 +111,26 @@ def test_without_times_of_arrival_the_stamps_are_the_times():
     evidence = Evidence({of.dead_rows: ()}, Context(imus=(track,)), kind="bytes")
     (found,) = of.sampled(evidence)
     assert found.t_s.tolist() == [0.0, 0.5, 1.0, 1.5]
+
+
+def test_stamps_go_on_where_the_autopilot_began_anew():
+    track = imu_track(np.arange(6.0))
+    track = track._replace(t_s=np.arange(6.0), stamp_us=np.array([7, 8, 9, 0, 1, 2]) * 1_000_000)
+    evidence = Evidence({of.dead_rows: ()}, Context(imus=(track,)), kind="bytes")
+    (found,) = of.sampled(evidence)
+    assert found.t_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_what_goes_back_is_left_out_until_it_goes_on():
+    track = imu_track(np.array([0.0, 1.0, 2.0, 1.0, 1.5, 2.5]))
+    (found,) = of.field_tracks(Evidence({of.dead_rows: ()}, Context(imus=(track,))))
+    assert found.t_s.tolist() == [0.0, 1.0, 2.0, 2.5]
+
+
+def test_samples_at_one_time_show_no_blow():
+    parts = {of.soundest_as_recorded: imu_track(np.zeros(9)), of.bins: flying_bins(0.0)}
+    met = [Contact(50.0, 9.0, 99.0, ("the estimator", "the GPS"), ())]
+    assert of.blows(Evidence(parts | {of.met: met, of.vertical: ()})) == ()
 
 
 @pytest.mark.parametrize(("dead", "is_kept"), [(0, False), (1, True)])
