@@ -74,7 +74,7 @@ def _dead(health: SensorHealth, evidence: FlightEvidence) -> list[Finding]:
                 to_s,
                 to_s - from_s,
                 "s",
-                f"{health.kind} {health.number + 1} was dead for {to_s - from_s:.0f} s by the "
+                f"{health.kind} {health.number + 1} was dead for {to_s - from_s:.1f} s by the "
                 "autopilot's own word",
                 f"it reported it as not healthy from {from_s:.1f} to {to_s:.1f} s{counted}",
             )

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from known_evidence import KnownEvidence
 from reviewed_flights import DURATION_S, flight
 
-from h2nav.recordings.context import SensorHealth
+from h2nav.recordings.context import Context, SensorHealth, Span
+from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
-from h2nav.reviews.subjects.health import SENSOR_DEAD
+from h2nav.reviews.subjects.health import SENSOR_DEAD, look
 
 T_S = np.arange(0.0, DURATION_S, 0.1)
 
@@ -22,6 +24,14 @@ def test_a_gyro_that_the_autopilot_calls_dead_is_dead_for_that_time():
     assert (found.from_s, found.to_s) == pytest.approx((50.1, 68.9), abs=0.11)
     assert found.sensor.name == "gyro 1"
     assert "counted 188 errors" in found.evidence
+
+
+def test_half_a_second_is_told_as_such():
+    healthy = np.where((T_S > 49.95) & (T_S < 50.55), 0.0, 1.0)
+    health = (SensorHealth("gyro", 0, T_S, healthy, 0.0 * T_S),)
+    armed = (Span(0.0, DURATION_S, ""),)
+    (found,) = look(KnownEvidence({parts.recorded: Context(armed=armed, health=health)}))
+    assert "gyro 1 was dead for 0.5 s" in found.text
 
 
 @pytest.mark.parametrize("said", [1.0, 0.0, np.nan])
