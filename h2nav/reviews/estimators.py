@@ -534,8 +534,8 @@ def _verdict(
     gps = context.gps[0] if context.gps else None
     if gps is None or imu is None:
         return "no velocity shows who is right", None
-    at_s = gps.t_s[(gps.t_s > span[0]) & (gps.t_s < span[1]) & gps.has_fix]
-    v_n = gps.v_n[np.isin(gps.t_s, at_s), :2]
+    inside = (gps.t_s > span[0]) & (gps.t_s < span[1]) & gps.has_fix
+    at_s, v_n = gps.t_s[inside], gps.v_n[inside, :2]
     late = np.searchsorted(at_s, at_s + ESTIMATOR_WINDOW_S)
     first = np.flatnonzero(late < len(at_s))
     # What it measured of a part says nothing of the rest.
