@@ -200,7 +200,13 @@ class FlightFolder:
         waiting = [self.root]
         while waiting:
             folder = waiting.pop()
-            with os.scandir(folder) as entries:
+            try:
+                entries = os.scandir(folder)
+            except OSError:
+                if folder == self.root:
+                    raise
+                continue  # another user's, such as lost+found, or deleted meanwhile
+            with entries:
                 for entry in entries:
                     if entry.name.startswith("."):
                         continue
@@ -284,6 +290,8 @@ def _record_of(content: Any) -> FlightRecord | None:
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
     if not all(isinstance(text, str) for text in texts) or not isinstance(summary, dict):
+        return None
+    if not isinstance(summary.get("kinds", {}), dict):
         return None
     # Names of files: a record that somebody edited leads nowhere else.
     if any("/" in name or name.startswith(".") for name in texts[2:]):

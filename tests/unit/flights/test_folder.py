@@ -56,6 +56,27 @@ def test_what_is_still_written_hidden_linked_or_no_recording_is_no_flight(tmp_pa
     assert FlightFolder(root).flights() == {}
 
 
+def test_a_folder_below_that_cannot_be_read_hides_no_other(tmp_path, monkeypatch):
+    """Such as lost+found, which is root's on every disk."""
+    for name in ("flight.tlog", "lost+found/old.tlog", "below/flight.ulg"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    closed = {tmp_path / "lost+found"}
+    scandir = os.scandir
+
+    def scanned(path):
+        if path in closed:
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", scanned)
+    names = {each.best.name for each in FlightFolder(tmp_path).flights().values()}
+    assert names == {"flight.tlog", "below/flight.ulg"}
+    closed.add(tmp_path)
+    with pytest.raises(PermissionError):
+        FlightFolder(tmp_path).flights()
+
+
 def test_names_that_are_no_text_have_ids_that_are(tmp_path):
     (tmp_path / os.fsdecode(b"\xff \xe4<b>.bin")).write_bytes(b"x")
     folder = FlightFolder(tmp_path)
@@ -110,7 +131,10 @@ def test_a_record_that_somebody_edited_leads_nowhere_else(tmp_path):
     flight = the_flight(folder)
     place = folder.reviews / f"{flight.id}.flight.json"
     page = folder.record(flight.id).page
-    place.write_bytes(place.read_bytes().replace(page.encode(), b"../../etc/passwd"))
+    whole = place.read_bytes()
+    place.write_bytes(whole.replace(page.encode(), b"../../etc/passwd"))
+    assert folder.record(flight.id) is None
+    place.write_bytes(whole.replace(b'"kinds":', b'"kinds": null, "other":'))
     assert folder.record(flight.id) is None
 
 
