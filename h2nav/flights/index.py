@@ -7,10 +7,10 @@ reads what has changed; an index that is missing, damaged or of another format i
 import contextlib
 import hashlib
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import orjson
 
@@ -49,6 +49,7 @@ PRAGMA user_version = {FORMAT};
 # Failed reviews come after what was found, sound flights last.
 _RANK_FAILED, _RANK_WAITING, _RANK_SOUND = 20, 30, 40
 _SEARCHED = ("name", "airframe", "firmware", "verdict", "worst_text", "error")
+_Answer = TypeVar("_Answer")
 
 
 # Of each flight its recordings, if any, and the time of change of its record, ns, if any.
@@ -116,6 +117,23 @@ class FlightIndex:
 
     def page(self, asked: Question) -> dict[str, Any]:
         """Rows of the list, their number, and what can be filtered by."""
+        return self._read(lambda: self._page(asked))
+
+    def flight(self, flight: str) -> dict[str, Any] | None:
+        """The row of one flight; None if there is none of this id."""
+        return self._read(lambda: self._flight(flight))
+
+    def _read(self, look: Callable[[], _Answer]) -> _Answer:
+        """What is in the index, which is built anew where only reading shows that it is damaged."""
+        try:
+            return look()
+        except sqlite3.DatabaseError:
+            self._base.close()
+            self._base = self._rebuilt()
+            self.refresh()
+            return look()
+
+    def _page(self, asked: Question) -> dict[str, Any]:
         where, values = _condition(asked)
         order = "DESC" if asked.descending else "ASC"
         sort = SORTS.get(asked.sort, SORTS["date"])
@@ -141,8 +159,7 @@ class FlightIndex:
             "states": dict(states),
         }
 
-    def flight(self, flight: str) -> dict[str, Any] | None:
-        """The row of one flight; None if there is none of this id."""
+    def _flight(self, flight: str) -> dict[str, Any] | None:
         row = self._base.execute(
             f"SELECT {', '.join(_COLUMNS)} FROM flights WHERE id = ?", (flight,)
         ).fetchone()

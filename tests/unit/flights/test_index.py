@@ -105,6 +105,22 @@ def test_a_damaged_index_is_built_anew(tmp_path, content):
     index.close()
 
 
+def test_an_index_whose_damage_only_a_page_of_the_list_shows_is_built_anew(tmp_path):
+    folder = add_flights(tmp_path, 5)
+    index = FlightIndex(folder)
+    index.refresh()
+    index.close()
+    whole = (folder.reviews / INDEX).read_bytes()
+    size = int.from_bytes(whole[16:18], "big")  # of a page of SQLite
+    for place in range(size, len(whole), size):
+        damaged = whole[:place] + b"\xff" * size + whole[place + size :]
+        (folder.reviews / INDEX).write_bytes(damaged)
+        index = FlightIndex(folder)
+        index.refresh()
+        assert len(rows(index)) == 5
+        index.close()
+
+
 def test_without_a_place_to_write_it_is_in_memory(tmp_path):
     add_flights(tmp_path / "root", 3)
     blocked = tmp_path / "a-file"
