@@ -7,12 +7,12 @@ failure there costs a display and no attitude (docs/design/005-live-view.md).
 import os
 import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 from h2nav.apps import extras
 from h2nav.apps.configuration import Configuration
+from h2nav.apps.own_process import start_module
 from h2nav.apps.page_token import token_in
 from h2nav.integrity.findings import Phase, Severity
 from h2nav.links.back_off import BackOff
@@ -55,15 +55,12 @@ def require_packages() -> None:
 
 
 def start_viewer(end: socket.socket) -> "subprocess.Popen[bytes]":
-    """Starts a viewer as a process, with the same modules."""
-    modules = os.pathsep.join(path for path in sys.path if path)
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "h2nav.live"],
+    """Starts a viewer as a process, which ends with its feed."""
+    return start_module(
+        "h2nav.live",
         stdin=end.fileno(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,  # clients could flood the journal
-        env={**os.environ, "PYTHONPATH": modules},
-        process_group=0,  # Ctrl-C is for the daemon; the viewer ends with its feed
     )
 
 

@@ -1,14 +1,15 @@
 """Runs `h2nav.apps.reviewer` in a process of its own, watched without waiting."""
 
 import contextlib
+import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import orjson
 
+from h2nav.apps.own_process import start_module
 from h2nav.apps.reviewer import ReviewJob
 from h2nav.flights.folder import FlightFolder
 
@@ -49,16 +50,14 @@ class ReviewProcess:
 
     def start(self) -> None:
         """Starts it; raises OSError."""
-        modules = os.pathsep.join(path for path in sys.path if path)
-        one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
         self._said = self._complained = b""
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "h2nav.apps.reviewer", orjson.dumps(self._job._asdict())],
+        self._process = start_module(
+            "h2nav.apps.reviewer",
+            json.dumps(self._job._asdict()),  # paths may hold bytes that are no text
+            env=dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,  # not the journal: a recording could flood it
-            env={**os.environ, **one_thread, "PYTHONPATH": modules},
-            process_group=0,  # Ctrl-C is for its parent
         )
         for stream in (self._process.stdout, self._process.stderr):
             assert stream is not None

@@ -9,6 +9,7 @@ import contextlib
 import ctypes
 import errno
 import fcntl
+import json
 import os
 import resource
 import shutil
@@ -64,7 +65,7 @@ class ReviewJob(NamedTuple):
 
 def main() -> int:
     """Runs the job of the command line; returns 0 when it is done, 1 where it cannot be."""
-    job = ReviewJob(**orjson.loads(sys.argv[1]))
+    job = ReviewJob(**json.loads(sys.argv[1]))
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
     _bound(job)
@@ -79,7 +80,8 @@ def main() -> int:
                 said = {"busy": True}
             _say(said)
     except OSError as error:
-        _say({"trouble": f"{error.filename or folder.reviews}: {error.strerror or error}"})
+        place = error.filename or folder.reviews
+        _say({"trouble": _readable(f"{place}: {error.strerror or error}")})
         return 1
     return 0
 

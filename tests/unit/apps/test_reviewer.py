@@ -77,12 +77,14 @@ def test_it_reviews_commits_and_then_has_nothing_to_do(flight):
 
 @pytest.mark.parametrize("content", [b"", b"\x00" * 4096, b"\xa3\x95\x80" * 3000])
 def test_a_hostile_file_ends_as_an_error_line(tmp_path, content):
-    (tmp_path / "bad.bin").write_bytes(content)
-    outcome = reviewed(tmp_path)
+    root = tmp_path / os.fsdecode(b"\xe4")  # a name that is no text
+    root.mkdir()
+    (root / "bad.bin").write_bytes(content)
+    outcome = reviewed(root)
     assert outcome.error
     assert "\n" not in outcome.error
     assert str(tmp_path) not in outcome.error
-    assert reviewed(tmp_path).did_nothing
+    assert reviewed(root).did_nothing
 
 
 @pytest.mark.thorough
