@@ -8,13 +8,12 @@ import select
 import subprocess
 import sys
 import tempfile
-import threading
-import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from h2nav.apps.browser import open_page
 from h2nav.apps.configuration import (
     Configuration,
     LinkSettings,
@@ -25,6 +24,7 @@ from h2nav.apps.configuration import (
 from h2nav.apps.console import Console
 from h2nav.apps.json_output import print_json
 from h2nav.apps.order_input import QUIT, OrderInput, order_input
+from h2nav.apps.own_process import start_module
 from h2nav.apps.panel import Sight
 from h2nav.apps.run import add_live_argument
 from h2nav.apps.session import Session
@@ -123,11 +123,6 @@ def _configuration(args: argparse.Namespace) -> Configuration:
     return configuration
 
 
-def _open_page(url: str) -> None:
-    """Opens the page in the user's browser, which may start slowly."""
-    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
-
-
 class _Onlooker(Console):
     """Displays the daemon, collects the error table, and passes orders on.
 
@@ -154,7 +149,7 @@ class _Onlooker(Console):
         super().status(t_ns, look)
         if self._opens_page and self.session is not None and self.session.page_url:
             self._opens_page = False
-            _open_page(self.session.page_url)
+            open_page(self.session.page_url)
         if self.user is not None:
             for answer in self.user.serve():
                 self.notice(t_ns, Severity.NOTICE, answer)
@@ -168,12 +163,13 @@ class _FakeAutopilot:
         words += ["--scenario", args.scenario, "--seed", str(args.seed)]
         self._said = said
         self._heard = 0
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "h2nav", "fake-autopilot", *words],
+        self._process = start_module(
+            "h2nav",
+            "fake-autopilot",
+            *words,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=said,
-            process_group=0,  # Ctrl-C is for the demo, which ends it
         )
 
     def check(self) -> None:

@@ -5,11 +5,11 @@ import asyncio
 import contextlib
 import signal
 import sys
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from h2nav.apps import extras
+from h2nav.apps.browser import open_page
 from h2nav.apps.page_token import new_token
 from h2nav.apps.review_process import ReviewOutcome, ReviewProcess
 from h2nav.apps.reviewer import ReviewJob
@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # needs the extra
     from h2nav.live.flights_site import FlightsSite
 
 USUAL_ADDRESS = "127.0.0.1:8080"
+LARGEST = 1_000_000  # of a limit, MiB or minutes: what the system can count
 LOOK_S = 0.2
 # Between two looks at a folder in which every flight has a review.
 FOLDER_S = 10.0
@@ -72,8 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serves until it is interrupted; returns 0."""
-    if min(args.memory_mb, args.minutes, args.upload_mb) < 1:
-        raise BadInput("--memory-mb, --minutes and --upload-mb: expected more than 0")
+    if not all(1 <= most <= LARGEST for most in (args.memory_mb, args.minutes, args.upload_mb)):
+        raise BadInput(f"--memory-mb, --minutes and --upload-mb: expected 1 to {LARGEST}")
     try:
         address = parse_listen_address(args.address)
     except BadInput as error:
@@ -106,7 +107,7 @@ async def _serve(args: argparse.Namespace, address: ListenAddress) -> None:
         url += f"#token={token}"
     print(url, flush=True)
     if args.open:
-        webbrowser.open(url)
+        open_page(url)
     reviewing = asyncio.create_task(_review(site, args))
     try:
         await stopped.wait()
@@ -130,9 +131,7 @@ async def _review(site: "FlightsSite", args: argparse.Namespace) -> None:
     told = ""
     try:
         while True:
-            process.start()
-            while (outcome := process.outcome()) is None:
-                await asyncio.sleep(LOOK_S)
+            outcome = await _outcome(process)
             line = _line(outcome)
             if line and line != told:
                 print(f"h2nav: {line}", file=sys.stderr)
@@ -143,6 +142,17 @@ async def _review(site: "FlightsSite", args: argparse.Namespace) -> None:
                 site.changed.clear()
     finally:
         process.stop()
+
+
+async def _outcome(process: ReviewProcess) -> ReviewOutcome:
+    """What comes of a review that begins now."""
+    try:
+        process.start()
+    except OSError as error:
+        return ReviewOutcome(trouble=error.strerror or str(error))
+    while (outcome := process.outcome()) is None:
+        await asyncio.sleep(LOOK_S)
+    return outcome
 
 
 def _line(outcome: ReviewOutcome) -> str:

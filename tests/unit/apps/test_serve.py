@@ -1,13 +1,17 @@
 """`h2nav serve`: when it reviews, and what it says of it."""
 
 import asyncio
+import threading
+import webbrowser
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from h2nav.apps import serve
+from h2nav.apps.browser import open_page
 from h2nav.apps.review_process import ReviewOutcome
+from h2nav.cli import BAD_INPUT, main
 
 FULL = ReviewOutcome(trouble="the disk is full")
 REVIEWED = ReviewOutcome("one", "one.tlog", text="flight sound")
@@ -17,23 +21,29 @@ NOTHING = ReviewOutcome()
 class Scripted:
     """Takes the place of the process that reviews: one outcome after the other, then none."""
 
-    def __init__(self, outcomes: list[ReviewOutcome]) -> None:
+    def __init__(self, outcomes: list[ReviewOutcome | OSError]) -> None:
         self._left = list(outcomes)
         self.starts = 0
         self.is_stopped = False
 
     def start(self) -> None:
         self.starts += 1
+        self._now = self._left.pop(0) if self._left else NOTHING
+        if isinstance(self._now, OSError):
+            raise self._now
 
     def outcome(self) -> ReviewOutcome:
-        return self._left.pop(0) if self._left else NOTHING
+        return self._now
 
     def stop(self) -> None:
         self.is_stopped = True
 
 
 def reviewing(
-    monkeypatch: pytest.MonkeyPatch, folder: Path, outcomes: list[ReviewOutcome], changes: int
+    monkeypatch: pytest.MonkeyPatch,
+    folder: Path,
+    outcomes: list[ReviewOutcome | OSError],
+    changes: int,
 ) -> Scripted:
     """Serves until all waits for a change of the folder that so many changes end."""
     process = Scripted(outcomes)
@@ -74,10 +84,44 @@ def test_it_looks_again_when_the_folder_changes_and_only_then(
 def test_a_lasting_trouble_is_said_once_and_a_new_one_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    outcomes = [FULL, FULL, REVIEWED, FULL]
+    outcomes: list[ReviewOutcome | OSError] = [FULL, FULL, REVIEWED, FULL]
     reviewing(monkeypatch, tmp_path, outcomes, changes=3)
     assert capsys.readouterr().err.splitlines() == [
         "h2nav: not reviewed: the disk is full",
         "h2nav: one.tlog: flight sound",
         "h2nav: not reviewed: the disk is full",
     ]
+
+
+def test_a_process_that_cannot_be_started_is_a_trouble_and_tried_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reviewing(monkeypatch, tmp_path, [BlockingIOError(11, "too many processes"), REVIEWED], 1)
+    assert capsys.readouterr().err.splitlines() == [
+        "h2nav: not reviewed: too many processes",
+        "h2nav: one.tlog: flight sound",
+    ]
+
+
+@pytest.mark.parametrize("option", ["--memory-mb", "--minutes", "--upload-mb"])
+@pytest.mark.parametrize("most", [0, serve.LARGEST + 1])
+def test_a_limit_that_is_none_is_refused(
+    option: str, most: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["serve", str(tmp_path), option, str(most)]) == BAD_INPUT
+    assert f"expected 1 to {serve.LARGEST}" in capsys.readouterr().err
+
+
+def test_a_browser_that_stays_in_the_terminal_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    began, left = threading.Event(), threading.Event()
+
+    def stays(url: str) -> None:
+        began.set()
+        left.wait(30.0)
+
+    monkeypatch.setattr(webbrowser, "open", stays)
+    open_page("http://127.0.0.1:8080/flights")
+    assert began.wait(30.0)
+    left.set()
