@@ -11,6 +11,7 @@ import secrets
 import shutil
 import socket
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 from urllib.parse import quote
@@ -155,11 +156,9 @@ class FlightReview(_OfFlights):
         self.need_token()
         await self.row(flight)
         folder = self.site.folder
-        found = (await asyncio.to_thread(folder.flights)).get(flight, FlightFiles(flight, ()))
-        try:
+        with _disk_errors():
+            found = (await asyncio.to_thread(folder.flights)).get(flight, FlightFiles(flight, ()))
             await asyncio.to_thread(folder.delete, found)
-        except OSError as error:
-            raise HTTPError(500, reason=_printable(error.strerror or str(error))) from None
         await self.site.has_changed()
         self.set_status(204)
 
@@ -171,7 +170,8 @@ class FlightAgain(_OfFlights):
         """Removes its review."""
         self.need_token()
         await self.row(flight)
-        await asyncio.to_thread(self.site.folder.forget_review, flight)
+        with _disk_errors():
+            await asyncio.to_thread(self.site.folder.forget_review, flight)
         await self.site.has_changed()
         self.set_status(204)
 
@@ -198,7 +198,7 @@ class FlightUpload(_OfFlights):
         if site.is_uploading:
             raise HTTPError(503, reason="another upload is not finished")
         folder = site.folder.root / UPLOADS
-        try:
+        with _disk_errors():
             folder.mkdir(parents=True, exist_ok=True)
             if shutil.disk_usage(folder).free - self._left < MIN_FREE_BYTES:
                 raise HTTPError(507, reason="no room on the disk")
@@ -207,8 +207,6 @@ class FlightUpload(_OfFlights):
                     part.unlink(missing_ok=True)
             self._part = folder / f".{secrets.token_hex(8)}.part"
             self._stream = self._part.open("xb")
-        except OSError as error:
-            raise HTTPError(500, reason=_printable(error.strerror or str(error))) from None
         site.begin_upload()
         connection = cast(HTTP1Connection, self.request.connection)
         connection.set_max_body_size(most)
@@ -218,27 +216,26 @@ class FlightUpload(_OfFlights):
         """Writes a part of it."""
         if self._stream is None:
             raise HTTPError(400)
-        try:
+        with _disk_errors(507):
             self._stream.write(chunk)
-        except OSError as error:
-            raise HTTPError(507, reason=_printable(error.strerror or str(error))) from None
         self._left -= len(chunk)
 
     async def post(self) -> None:
         """Gives it its name, if it is a recording."""
         if self._stream is None or self._part is None or self._left:
             raise HTTPError(400)
-        with self._stream as stream:
-            stream.flush()
-            await asyncio.to_thread(os.fsync, stream.fileno())
-        with self._part.open("rb") as stream:
-            kind = kind_of(stream.read(PROBE_BYTES))
-        if not kind:
-            raise HTTPError(415, reason=f"not a recording; {EXPECTED}")
-        name = safe_name(self.get_query_argument("name", ""), kind)
-        path = free_path(self._part.parent, name)
-        self._part.rename(path)
-        sync_folder(path.parent)
+        with _disk_errors(507):
+            with self._stream as stream:
+                stream.flush()
+                await asyncio.to_thread(os.fsync, stream.fileno())
+            with self._part.open("rb") as stream:
+                kind = kind_of(stream.read(PROBE_BYTES))
+            if not kind:
+                raise HTTPError(415, reason=f"not a recording; {EXPECTED}")
+            name = safe_name(self.get_query_argument("name", ""), kind)
+            path = free_path(self._part.parent, name)
+            self._part.rename(path)
+            sync_folder(path.parent)
         self._part = None
         await self.site.has_changed()
         said = {"id": flight_id(f"{UPLOADS}/{path.name}"), "name": path.name}
@@ -303,6 +300,15 @@ ROUTES: tuple[tuple[str, type[PageHandler]], ...] = (
     (FLIGHT + r"/review\.json", FlightDocument),
     (FLIGHT + r"/files/([0-9]{1,2})", FlightRecording),
 )
+
+
+@contextlib.contextmanager
+def _disk_errors(status: int = 500) -> Iterator[None]:
+    """Answers what the disk refuses."""
+    try:
+        yield
+    except OSError as error:
+        raise HTTPError(status, reason=_printable(error.strerror or str(error))) from None
 
 
 def _printable(text: str) -> str:

@@ -55,6 +55,11 @@ class PageHandler(RequestHandler):
         if self.shared.is_private and not is_loopback(self.request.host_name):
             raise HTTPError(403)
 
+    def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
+        """Leaves out what clients do wrong, which they could flood a terminal with."""
+        if not isinstance(error, HTTPError):
+            super().log_exception(kind, error, trace)
+
     def write_error(self, status_code: int, **_: Any) -> None:
         """Answers in one line."""
         self.set_header("Content-Type", "text/plain; charset=utf-8")

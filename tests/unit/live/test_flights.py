@@ -153,6 +153,24 @@ def test_what_is_no_recording_too_large_or_cut_off_leaves_nothing(page, folder):
     assert [path.name for path in (folder.root / UPLOADS).iterdir()] == ["flight.ulg"]
 
 
+def test_what_the_disk_or_a_client_does_wrong_is_answered_in_a_line_and_not_logged(
+    page, monkeypatch, caplog
+):
+    row = listed(page)["flights"][0]
+
+    def refuses(*_):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(FlightFolder, "forget_review", refuses)
+    monkeypatch.setattr("h2nav.live.flights.sync_folder", refuses)
+    again = ask(page, "POST", f"/flights/{row['id']}/again", b"", UNLOCKED)
+    assert (again[0], again[2]) == (500, b"500 Read-only file system\n")
+    assert ask(page, "DELETE", f"/flights/{row['id']}", headers=UNLOCKED)[0] == 500
+    assert upload(page, ULOG)[0] == 507
+    assert ask(page, "GET", "/flights.json?search=%ff")[0] == 400
+    assert caplog.records == []
+
+
 def test_an_upload_may_take_half_an_hour(page, monkeypatch):
     given = []
     monkeypatch.setattr(HTTP1Connection, "set_body_timeout", lambda _, s: given.append(s))
