@@ -12,6 +12,7 @@ from pathlib import Path
 
 import orjson
 
+from h2nav.fetch.gaps import MAX_GAPS
 from h2nav.fetch.log_fetch import LARGEST_LOG_BYTES, PartOfLog
 from h2nav.files.whole_file import replace_whole, sync_folder
 
@@ -22,7 +23,6 @@ FILE_MODE = 0o640
 MAX_WAITING = 4096
 # What has come is noted so often; a power cut costs no more of it.
 NOTE_S = 5.0
-MAX_GAPS = 10_000
 # Unfinished logs in a folder; an autopilot deletes its oldest ones too.
 MAX_UNFINISHED = 4
 _MAX_NOTE_BYTES = 1 << 20

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable, Iterator
 
+# What is asked for in order leaves few; of more, each part would cost a look at all of them.
+MAX_GAPS = 1000
+
 
 class Gaps:
     """The missing parts of a file.
@@ -30,7 +33,10 @@ class Gaps:
         return sum(end - start for start, end in self._gaps)
 
     def fill(self, start: int, end: int) -> bool:
-        """Notes that a part has come; returns whether any of it was missing."""
+        """Notes that a part has come; returns whether it is taken.
+
+        It is not where nothing of it was missing, or where it would leave too many gaps.
+        """
         left: list[tuple[int, int]] = []
         is_new = False
         for low, high in self._gaps:
@@ -42,5 +48,7 @@ class Gaps:
                 left.append((low, start))
             if end < high:
                 left.append((end, high))
+        if len(left) > MAX_GAPS:
+            return False
         self._gaps = left
         return is_new

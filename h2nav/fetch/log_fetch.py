@@ -41,6 +41,8 @@ FILE_WIRE_BYTES = 266
 ANSWER_NS = SECOND_NS
 WINDOW_QUIET_NS = 7 * SECOND_NS // 10
 MAX_LOST = 3
+# Reads in a row that the autopilot refuses: its card, and no session, is at fault.
+MAX_REFUSED = 10
 LIST_AGAIN_NS = 2 * SECOND_NS
 # Somebody else fetches until nothing was seen of it for this long.
 OTHERS_NS = 30 * SECOND_NS
@@ -153,6 +155,7 @@ class LogFetch:
         self._asked_ns: int | None = None
         self._heard_ns = 0
         self._lost = 0
+        self._refused = 0  # reads since the last part that came
         self._budget = 0.0
         self._paid_ns: int | None = None
         self._quiet_until_ns = 0
@@ -386,6 +389,8 @@ class LogFetch:
             self._stray(t_ns)
             return
         data = bytes(fields.data[: min(fields.count, LOG_DATA_BYTES)])
+        if not data and self._is_unreadable(t_ns):
+            return
         self._arrived(t_ns, fields.ofs, data)
         if self._window is not None and fields.ofs + len(data) >= self._window[1]:
             self._window = None
@@ -436,7 +441,11 @@ class LogFetch:
             else:
                 self._by_file = False
                 self._enter(FetchState.READING)
-        elif self.state is FetchState.READING and said.asked == FileOpcode.READ_FILE:
+        elif (
+            self.state is FetchState.READING
+            and said.asked == FileOpcode.READ_FILE
+            and not self._is_unreadable(t_ns)
+        ):
             self._enter(FetchState.OPENING)  # the session is gone
 
     def _found_names(self) -> None:
@@ -444,7 +453,12 @@ class LogFetch:
         assert self.log is not None
         assert self._files is not None
         folder = self._folders.pop()
-        plain = [each for each in self._names if each.name and "/" not in each.name]
+        room = DATA_BYTES - len(f"{folder}/".encode())
+        plain = [
+            each
+            for each in self._names
+            if "/" not in each.name and 0 < len(each.name.encode()) <= room
+        ]
         matching = [
             each.name
             for each in plain
@@ -469,9 +483,21 @@ class LogFetch:
         if not data or offset + len(data) > self.size:
             return
         if self._gaps.fill(offset, offset + len(data)):
-            self._lost = 0
+            self._lost = self._refused = 0
             self.chunks.append((offset, data))
             self.received = self.size - self._gaps.missing
+
+    def _is_unreadable(self, t_ns: int) -> bool:
+        """Counts a read that was refused, and waits; whether the fetch has failed by that."""
+        assert self._gaps is not None
+        self._refused += 1
+        if self._refused > 1:
+            self._leave_it_to_others(t_ns, ANSWER_NS)
+        gap = self._gaps.first
+        if self._refused < MAX_REFUSED or gap is None:
+            return False
+        self._fail(f"the autopilot cannot read it from byte {gap[0]} on")
+        return True
 
     def _stray(self, t_ns: int) -> None:
         """Takes a part of a log that we have not asked for: late, or another's."""

@@ -7,8 +7,16 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.apps.autopilot_bytes import AutopilotBytes
+from h2nav.fetch.file_transfer import DATA_BYTES, FileError, FileMessage, FileOpcode
 from h2nav.fetch.gaps import Gaps
-from h2nav.fetch.log_fetch import ARDUPILOT_LOGS, HEARD, PX4_LOGS, FetchState, LogFetch
+from h2nav.fetch.log_fetch import (
+    ARDUPILOT_LOGS,
+    HEARD,
+    MAX_REFUSED,
+    PX4_LOGS,
+    FetchState,
+    LogFetch,
+)
 from h2nav.maths.units import SECOND_NS
 from h2nav.sim.autopilot import AutopilotOptions, FakeAutopilot
 from h2nav.sim.faults import parse_fault
@@ -219,6 +227,92 @@ def test_an_autopilot_without_logs_and_one_without_an_answer():
     silent.run(60.0)
     assert silent.fetch.state is FetchState.LISTING
     assert len(silent.asked) < 40
+
+
+class Scripted:
+    """A fetch and what an autopilot answers by hand, each on the step after the question."""
+
+    def __init__(self, *, has_files=True, name="1.BIN", files=ARDUPILOT_LOGS):
+        self.fetch = LogFetch(AUTOPILOT, OURS, SHARE * BYTES_PER_S, files if has_files else None)
+        self.t_ns = 0
+        self.listing = f"F{name}\t{len(LOG)}".encode()
+        self.reads = 0
+        self.refuses = lambda number: False  # of the reads by their number, from 1
+
+    def run(self, seconds):
+        end_ns = self.t_ns + round(seconds * SECOND_NS)
+        while self.t_ns < end_ns and not self.fetch.is_over:
+            self.t_ns += STEP_NS
+            for asked in self.fetch.due(self.t_ns):
+                Encoder(*OURS).encode(asked)
+                self.answer(asked)
+
+    def hear(self, message):
+        self.fetch.take(self.t_ns, AUTOPILOT, message.get_msgId(), message)
+
+    def answer(self, asked):
+        if asked.get_type() == "LOG_REQUEST_LIST":
+            self.hear(mavlink.MAVLink_log_entry_message(1, 1, 1, 100, len(LOG)))
+        elif asked.get_type() == "LOG_REQUEST_DATA":
+            self.reads += 1
+            data = b"" if self.refuses(self.reads) else LOG[asked.ofs : asked.ofs + 90]
+            padded = list(data.ljust(90, b"\0"))
+            self.hear(mavlink.MAVLink_log_data_message(1, asked.ofs, len(data), padded))
+        elif asked.get_type() == "FILE_TRANSFER_PROTOCOL":
+            said = FileMessage.read(bytes(asked.payload))
+            if said.opcode == FileOpcode.LIST_DIRECTORY:
+                listing = b"" if said.offset else self.listing
+                self.ftp(said, FileOpcode.ACK, listing)
+            elif said.opcode == FileOpcode.OPEN_FILE_RO:
+                self.ftp(said, FileOpcode.ACK, len(LOG).to_bytes(4, "little"))
+            elif said.opcode == FileOpcode.READ_FILE and self.fetch.state is FetchState.READING:
+                self.reads += 1
+                if self.refuses(self.reads):
+                    self.ftp(said, FileOpcode.NAK, bytes([FileError.FAIL_ERRNO]))
+                else:
+                    self.ftp(said, FileOpcode.ACK, LOG[said.offset :][: said.size], said.offset)
+
+    def ftp(self, asked, opcode, data, offset=0):
+        said = FileMessage(asked.sequence + 1, opcode, 1, len(data), asked.opcode, offset, data)
+        self.hear(mavlink.MAVLink_file_transfer_protocol_message(0, *OURS, said.packed()))
+
+
+def test_a_log_that_the_card_does_not_give_is_given_up_after_ten_tries(has_files):
+    bench = Scripted(has_files=has_files)
+    bench.refuses = lambda number: number > 5
+    bench.run(60.0)
+    assert bench.fetch.state is FetchState.FAILED
+    at = 5 * (DATA_BYTES if has_files else 90)
+    assert bench.fetch.reason == f"the autopilot cannot read it from byte {at} on"
+    assert bench.reads == 5 + MAX_REFUSED
+    assert bench.t_ns > (MAX_REFUSED - 2) * SECOND_NS  # it gave the card time
+
+
+def test_a_read_that_is_refused_now_and_then_is_tried_again(has_files):
+    bench = Scripted(has_files=has_files)
+    bench.refuses = lambda number: number % MAX_REFUSED
+    bench.run(30.0)
+    assert not bench.fetch.is_over
+    assert bench.reads > MAX_REFUSED
+    assert bench.fetch.received >= bench.reads // MAX_REFUSED * 90
+
+
+@pytest.mark.parametrize(("beyond", "is_opened"), [(0, True), (1, False)])
+def test_a_file_whose_path_fits_into_no_request_is_not_asked_for(beyond, is_opened):
+    name = "x" * (DATA_BYTES - len(ARDUPILOT_LOGS.path) - len("/.BIN") + beyond) + ".BIN"
+    bench = Scripted(name=name)
+    bench.run(0.1)
+    assert bench.fetch.state is FetchState.READING
+    assert bench.fetch._by_file == is_opened
+
+
+def test_scattered_parts_leave_a_bounded_number_of_gaps(monkeypatch):
+    monkeypatch.setattr("h2nav.fetch.gaps.MAX_GAPS", 20)
+    gaps = Gaps(200)
+    taken = [gaps.fill(start, start + 1) for start in range(5, 200, 5)]
+    assert taken == [number < 19 for number in range(len(taken))]
+    assert len(list(gaps)) == 20
+    assert gaps.fill(0, 5)
 
 
 def test_hostile_answers_cost_nothing():
