@@ -1,6 +1,7 @@
 """The command line: imports only the requested command; errors become exit statuses."""
 
 import argparse
+import contextlib
 import gc
 import importlib
 import io
@@ -198,6 +199,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 success, 1 the task failed, 2 bad input or configuration; 130 interrupted, 141 the reader
         of our output is gone.
     """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # closed by what started us
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - until the end
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # File names may hold bytes that are not text, and terminals may lack characters.
@@ -206,23 +210,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         status = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except BadInput as error:
-        for line in error.lines:
-            print(f"h2nav: {line}", file=sys.stderr)
-        return BAD_INPUT
+        return _complain(BAD_INPUT, *error.lines)
     except TaskFailed as error:
-        print(f"h2nav: {error}", file=sys.stderr)
-        return FAILED
+        return _complain(FAILED, str(error))
     except KeyboardInterrupt:
-        print("h2nav: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return _complain(INTERRUPTED, "interrupted")
     except BrokenPipeError:
         # The reader, such as head or less, has all that it wants.
         _discard(sys.stdout)
         return READER_GONE
     except OSError as error:
-        print(f"h2nav: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
         _discard_if_broken(sys.stdout)
-        return FAILED
+        place = error.filename or "output"
+        return _complain(FAILED, f"{place}: {error.strerror or error}")
+    return status
+
+
+def _complain(status: int, *lines: str) -> int:
+    """Says what was wrong, if anybody can be told; returns the status."""
+    with contextlib.suppress(OSError):
+        for line in lines:
+            print(f"h2nav: {line}", file=sys.stderr)
+    _discard_if_broken(sys.stderr)
     return status
 
 

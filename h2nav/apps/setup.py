@@ -251,7 +251,7 @@ def _pick(choices: Sequence[Choice], asks: bool) -> Choice | None:
         return ordered[0]
     for number, each in enumerate(ordered, 1):
         print(f"{number}) {identity(each.speaker).description} at {each.hearing.url}")
-    answer = input(f"which one? [1-{len(ordered)}, Enter = 1, q = none] ").strip() or "1"
+    answer = _answer(f"which one? [1-{len(ordered)}, Enter = 1, q = none] ") or "1"
     if not answer.isdecimal() or not 1 <= int(answer) <= len(ordered):
         return None
     return ordered[int(answer) - 1]
@@ -345,8 +345,16 @@ def _offer_service(asks: bool) -> None:
 
 
 def _agrees(question: str, *, is_usual: bool = True) -> bool:
-    answer = input(f"{question} [{'Y/n' if is_usual else 'y/N'}] ").strip().lower()
+    answer = _answer(f"{question} [{'Y/n' if is_usual else 'y/N'}] ").lower()
     return answer in ("y", "yes") or (is_usual and not answer)
+
+
+def _answer(question: str) -> str:
+    """What the user types; the end of the input, Ctrl-D, is as Ctrl-C."""
+    try:
+        return input(question).strip()
+    except EOFError:
+        raise KeyboardInterrupt from None
 
 
 def _document(ports: Sequence[PortListing], hearings: Sequence[Hearing]) -> dict[str, Any]:

@@ -22,6 +22,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Writes the key file; returns 0."""
+    try:
+        key = key_of_passphrase(_passphrase())
+    except UnicodeError:
+        raise BadInput("signing-key: the passphrase is no text; nothing was written") from None
+    except EOFError:  # Ctrl-D
+        raise KeyboardInterrupt from None
+    write_signing_key(args.output, key)
+    print(f"{args.output}: written", file=sys.stderr)
+    return 0
+
+
+def _passphrase() -> str:
     if sys.stdin.isatty():
         passphrase = getpass.getpass("Passphrase: ")
         if getpass.getpass("Again: ") != passphrase:
@@ -30,6 +42,4 @@ def run(args: argparse.Namespace) -> int:
         passphrase = sys.stdin.readline().rstrip("\r\n")
     if not passphrase:
         raise BadInput("signing-key: the passphrase is empty; nothing was written")
-    write_signing_key(args.output, key_of_passphrase(passphrase))
-    print(f"{args.output}: written", file=sys.stderr)
-    return 0
+    return passphrase

@@ -1,14 +1,17 @@
 """The command line: help, exit statuses, readers that go away, Ctrl-C."""
 
 import importlib
+import io
 import os
 import socket
 import subprocess
+import sys
 
 import pytest
 from daemon_process import H2NAV, WAIT_S, daemon
 
 from h2nav import __version__
+from h2nav.apps import setup
 from h2nav.cli import BAD_INPUT, COMMANDS, GROUPS, THREADS, main
 
 
@@ -191,4 +194,47 @@ def test_ctrl_c_is_one_line_and_130(monkeypatch, capsys):
 
     monkeypatch.setattr(importlib.import_module("h2nav.apps.check_config"), "run", interrupted)
     assert main(["check-config", "x"]) == 130
+    assert capsys.readouterr().err == "h2nav: interrupted\n"
+
+
+@pytest.mark.parametrize("name", ["stdin", "stdout", "stderr"])
+def test_a_stream_that_is_closed_is_as_good_as_empty(name, monkeypatch):
+    monkeypatch.setattr(sys, name, None)
+    assert main(["check-config", "--example", "sitl"]) == 0
+    with getattr(sys, name) as opened:
+        assert opened.name == os.devnull
+
+
+def test_a_full_disk_under_the_errors_changes_no_exit_status(monkeypatch):
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        assert main(["zzzzzz"]) == BAD_INPUT
+
+
+@pytest.mark.parametrize(
+    ("typed", "reason"), [(b"\xff\n", "is no text"), (b"\n", "is empty"), (b"", "is empty")]
+)
+@pytest.mark.parametrize("errors", ["strict", "surrogateescape"])
+def test_a_passphrase_that_is_none_writes_no_key(
+    typed, reason, errors, tmp_path, monkeypatch, capsys
+):
+    stream = io.TextIOWrapper(io.BytesIO(typed), encoding="utf-8", errors=errors)
+    monkeypatch.setattr(sys, "stdin", stream)
+    assert main(["signing-key", "-o", str(tmp_path / "key")]) == BAD_INPUT
+    said = f"h2nav: signing-key: the passphrase {reason}; nothing was written\n"
+    assert capsys.readouterr().err == said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_end_of_the_input_at_a_question_is_as_ctrl_c(tmp_path, monkeypatch, capsys):
+    def ends(_question):
+        raise EOFError
+
+    monkeypatch.setattr("getpass.getpass", ends)
+    monkeypatch.setattr("builtins.input", ends)
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    assert main(["signing-key", "-o", str(tmp_path / "key")]) == 130
+    with pytest.raises(KeyboardInterrupt):
+        setup._agrees("start the service?")
     assert capsys.readouterr().err == "h2nav: interrupted\n"
