@@ -21,7 +21,7 @@ from h2nav.service.settings import (
     OutputSettings,
     ServiceSettings,
 )
-from h2nav.validation import OneOf, Within
+from h2nav.validation import OneOf, Within, shown
 from h2nav.wire.dialect import LAYOUTS
 from h2nav.wire.signing import SETUP_SIGNING_ID
 
@@ -44,6 +44,8 @@ WHEEL_DISTANCE_FRAME_BYTES = 149
 OTHER_TRAFFIC_BYTES_S = 600.0
 BITS_PER_SERIAL_BYTE = 10
 MAX_OF_A_SHARED_LINK = 0.5
+MIN_IMU_RATE_HZ = 5.0  # that `autopilot.imu_rate_hz` may be
+LONGEST_SOCKET_BYTES = 107  # of a path in the system's sockaddr_un, less the final zero
 AUTOPILOT_COMPONENT_ID = 1  # MAV_COMP_ID_AUTOPILOT1, the only one that autopilots use
 
 
@@ -274,6 +276,8 @@ def at_home(configuration: Configuration, place: str) -> Configuration:
         whole = os.path.expanduser(path)
         if whole.startswith("~"):
             complaints.append(f"{place}: {key}: {path}: no such home; write out the path")
+        if "\0" in whole:
+            complaints.append(f"{place}: {key}: {shown(path)}: no path; leave out the \\0")
         return whole
 
     log, gains, signing = configuration.log, configuration.filter, configuration.signing
@@ -304,6 +308,7 @@ def contradictions(configuration: Configuration) -> list[str]:
         *_motion_complaints(configuration),
         *_signing_complaints(configuration.signing),
         *_live_complaints(configuration.live),
+        *_event_complaints(configuration.events),
         *_flight_complaints(configuration),
     ]
 
@@ -397,6 +402,16 @@ def _live_complaints(settings: LiveSettings) -> list[str]:
     return []
 
 
+def _event_complaints(settings: EventSettings) -> list[str]:
+    length = len(os.fsencode(settings.socket))
+    if length <= LONGEST_SOCKET_BYTES:
+        return []
+    return [
+        f"events.socket: {length} bytes are too many for the path of a socket; give one of at most "
+        f"{LONGEST_SOCKET_BYTES}, such as /run/h2nav/events"
+    ]
+
+
 def _flight_complaints(configuration: Configuration) -> list[str]:
     """A fetched log needs a folder."""
     if configuration.flights.fetch_log and not configuration.log.folder:
@@ -442,11 +457,12 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
     load = link_load(configuration)
     complaints = []
     if load.inbound > capacity:
-        best_hz = max(0.0, (capacity - load.besides) / load.imu_frame)
+        best_hz = (capacity - load.besides) / load.imu_frame
+        lower = f"lower it to {best_hz:.0f} or " if best_hz >= MIN_IMU_RATE_HZ else ""
         complaints.append(
             f"autopilot.imu_rate_hz: {configuration.autopilot.imu_rate_hz:g} Hz needs "
-            f"{load.inbound:.0f} B/s, {baud} baud carries {capacity:.0f}; lower it to "
-            f"{best_hz:.0f} or raise the baud rate in link.url"
+            f"{load.inbound:.0f} B/s, {baud} baud carries {capacity:.0f}; {lower}raise the baud "
+            "rate in link.url"
         )
     if load.outbound > capacity:
         complaints.append(

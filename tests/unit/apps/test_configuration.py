@@ -1,10 +1,12 @@
 import re
+import socket
 from pathlib import Path
 
 import pytest
 from needs import REPOSITORY
 
 from h2nav.apps import configuration
+from h2nav.apps.configuration import Configuration, EventSettings
 from h2nav.cli import main
 from h2nav.errors import BadInput
 
@@ -75,6 +77,29 @@ def test_a_shorter_imu_message_may_come_more_often(tmp_path):
     )
     (line,) = errors(text, tmp_path)
     assert "lower it to 127" in line
+
+
+@pytest.mark.parametrize(("baud", "is_enough"), [(19_200, True), (9600, False)])
+def test_a_rate_that_cannot_be_set_is_no_remedy(tmp_path, baud, is_enough):
+    line, *_ = errors(f"link: {{url: 'serial:/dev/ttyAMA0:{baud}'}}\n", tmp_path)
+    assert ("lower it to" in line) == is_enough
+    assert "raise the baud rate in link.url" in line
+
+
+@pytest.mark.parametrize(("length", "is_refused"), [(107, False), (108, True)])
+def test_the_path_of_a_socket_has_a_longest_length(length, is_refused):
+    """As the system binds it, so that no daemon is refused later what was called fine."""
+    place = "/" + "x" * (length - 1)
+    found = configuration.contradictions(Configuration(events=EventSettings(place)))
+    assert [line.partition(":")[0] for line in found] == ["events.socket"] * is_refused
+    said = "too long" if is_refused else "No such file"
+    with socket.socket(socket.AF_UNIX) as end, pytest.raises(OSError, match=said):
+        end.connect(place)
+
+
+def test_a_path_with_a_zero_is_named_with_its_key(tmp_path):
+    (line,) = errors('log: {folder: "/var/log\\0"}\n', tmp_path)
+    assert "log.folder: '/var/log\\x00': no path" in line
 
 
 def warned(**sections):

@@ -15,6 +15,8 @@ from h2nav.links.listen_address import parse_listen_address
         ("[::]:80", "::", 80, False),
         ("[fe80::1%eth0]:80", "fe80::1%eth0", 80, False),
         ("drone-7.local:8080", "drone-7.local", 8080, False),
+        ("drone.local.:80", "drone.local.", 80, False),
+        (f"{'x' * 63}.local:80", f"{'x' * 63}.local", 80, False),
     ],
 )
 def test_an_address_is_read_and_written(text, host, port, is_loopback):
@@ -25,8 +27,10 @@ def test_an_address_is_read_and_written(text, host, port, is_loopback):
 
 
 @pytest.mark.parametrize(
-    "text", ["8080", ":8080", "127.0.0.1", "127.0.0.1:", "a b:1", "h:65536", "h:-1", "::1:80"]
-)
+    "text",
+    ["8080", ":8080", "127.0.0.1", "127.0.0.1:", "a b:1", "h:65536", "h:-1", "::1:80",
+     "127.0..1:8080", ".local:80", f"{'x' * 64}.local:80"],
+)  # fmt: skip
 def test_what_is_no_address_is_refused_with_a_remedy(text):
     with pytest.raises(BadInput) as refused:
         parse_listen_address(text)
