@@ -266,13 +266,14 @@ def row_of_document(document: Mapping[str, Any]) -> FlightRow | None:
 
 def unix_s_of(date: object) -> float:
     """UNIX time of a date in ISO 8601; NaN if it is none."""
+    if not isinstance(date, str):
+        return math.nan
     try:
-        found = datetime.fromisoformat(date) if isinstance(date, str) else None
-    except ValueError:
+        found = datetime.fromisoformat(date)
+        # Of the years 1 and 9999 another time zone has parts that UTC has not.
+        return (found.astimezone(UTC) if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
         return math.nan
-    if found is None:
-        return math.nan
-    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
 def _is_number(value: object) -> bool:

@@ -16,6 +16,7 @@ A and B are recordings, which are reviewed first, or the JSON documents of revie
 parameters by what they set, then the figures of both flights with the deviation that separates
 them: that of the airframe's flights in DIR (--earlier), else the least one that means anything. Two
 flights of one deviation differ by up to 2 of them in 95 cases of 100."""
+_PARTS = ("airframe", "parameters", "features", "flown")
 # Apart by less is no difference.
 _NOTABLE = 2.0
 
@@ -61,12 +62,13 @@ def _document(path: Path, args: argparse.Namespace) -> dict[str, Any]:
 
     if path.suffix == ".json":
         try:
-            found = orjson.loads(path.read_bytes())
+            found: dict[str, Any] = orjson.loads(path.read_bytes())
         except OSError as error:
             raise BadInput(f"{path}: {error.strerror}; expected a recording or a review") from error
         except orjson.JSONDecodeError as error:
             raise BadInput(f"{path}: not the JSON document of a review: {error}") from error
-        if not isinstance(found, dict) or "verdict" not in found:
+        is_review = isinstance(found, dict) and "verdict" in found
+        if not is_review or not all(isinstance(found.get(name) or {}, dict) for name in _PARTS):
             raise BadInput(
                 f"{path}: not the JSON document of a review; name what h2nav review wrote"
             )

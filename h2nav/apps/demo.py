@@ -80,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
         args.seconds = DEFAULT_SECONDS if args.live is None else LIVE_SECONDS
     if not 0.0 < args.seconds <= LONGEST_SECONDS:
         raise BadInput(f"--seconds: expected a number above 0 up to {LONGEST_SECONDS:.0f}")
+    if args.seed < 0:
+        raise BadInput("--seed: expected 0 or more")
     configuration = _configuration(args)
     onlooker = _Onlooker(opens_page=args.open)
     print(f"flying scenario {args.scenario!r} for {args.seconds:g} s", file=sys.stderr)

@@ -23,9 +23,7 @@ def rows_in(folders: Iterable[Path]) -> tuple[FlightRow, ...]:
         try:
             paths = sorted(path for path in folder.iterdir() if path.suffix == ".json")
         except OSError as error:
-            raise BadInput(
-                f"{folder}: {error.strerror}; name a folder with reviews after --earlier"
-            ) from error
+            raise BadInput(f"{folder}: {error.strerror}; name a folder with reviews") from error
         found += [row for path in paths if (row := row_in(path)) is not None]
     return tuple(found)
 

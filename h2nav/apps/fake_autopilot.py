@@ -32,6 +32,7 @@ from h2nav.wire.signing import LocalStamp, SignatureChecker, Signer
 
 SIGNING_LINK_ID = 0
 LONGEST_WAIT_S = 0.1
+LONGEST_S = 1e9  # 32 years
 MAX_BIAS_DEG_S = 100.0
 MAX_FIELD_MG = 5000.0
 MAX_OFFSET = 10.0
@@ -267,8 +268,10 @@ def _hear(vehicle: AutopilotBytes, links: list[Link], number: int, now_ns: int) 
 
 
 def _options(args: argparse.Namespace) -> AutopilotOptions:
-    if args.seconds is not None and not args.seconds >= 0.0:
-        raise BadInput("--seconds: expected a number of 0 or more")
+    if args.seconds is not None and not 0.0 <= args.seconds <= LONGEST_S:
+        raise BadInput(f"--seconds: expected a number from 0 to {LONGEST_S:g}")
+    if args.seed < 0:
+        raise BadInput("--seed: expected 0 or more")
     if args.baud is not None and not 300 <= args.baud <= 12e6:
         raise BadInput("--baud: expected a number from 300 to 12000000")
     if not all(abs(bias) <= MAX_BIAS_DEG_S for bias in args.gyro_bias_deg_s):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from h2nav.apps import extras, playback
+from h2nav.apps import configuration, extras, playback
 from h2nav.apps.component_file import read_components
 from h2nav.apps.json_output import print_json
 from h2nav.errors import BadInput
@@ -159,11 +159,13 @@ def _check(args: argparse.Namespace, workers: int) -> None:
         raise BadInput("--workers: the cluster at --scheduler has its own; leave one of them out")
     if args.memory_mb < 1 or not args.longest_s > 0.0:
         raise BadInput("--memory-mb and --longest-s: expected more than 0")
+    if args.config is not None:
+        configuration.read(args.config)  # wrong, it is so for every flight
 
 
 def _description(options: playback.PlaybackOptions) -> str:
     """What the user wants, for the key of the results; a configuration by its content."""
-    config = "" if options.config is None else Path(options.config).read_text(errors="replace")
+    config = "" if options.config is None else options.config.read_text(encoding="utf-8")
     return repr((config, options.filter_name, options.vehicle_class))
 
 

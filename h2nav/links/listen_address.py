@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from h2nav.errors import BadInput
 
-# The host is a name, an IPv4 address, or an IPv6 address in brackets; a name with an empty or longer
-# part cannot be resolved.
+# The host is a name, an IPv4 address, or an IPv6 address in brackets; names with empty or longer
+# parts cannot be resolved.
 _NAME = r"(?:[A-Za-z0-9_-]{1,63}\.)*[A-Za-z0-9_-]{1,63}\.?"
 _HOST_AND_PORT = re.compile(rf"(\[[0-9A-Fa-f:.%_a-z-]+\]|{_NAME}):([0-9]{{1,5}})")
 

@@ -30,7 +30,7 @@ def test_a_flight_and_its_review_are_alike(flight, tmp_path, capsys):
     assert "imu_1_force_at_rest_m_s2" in said
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}"])
+@pytest.mark.parametrize("text", ["{", "[]", "{}", "3", '{"verdict": "", "airframe": "a"}'])
 def test_what_is_no_review_is_named(tmp_path, capsys, text):
     path = tmp_path / "bad.json"
     path.write_text(text)

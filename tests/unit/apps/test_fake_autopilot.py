@@ -25,6 +25,19 @@ def test_a_wrong_fault_is_one_line_with_a_remedy(words, complaint, capsys):
     assert complaint in said
 
 
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--seconds", "inf"), "--seconds: expected a number from 0 to 1e+09"),
+        (("--seconds", "-1"), "--seconds: expected a number from 0 to 1e+09"),
+        (("--seed", "-1"), "--seed: expected 0 or more"),
+    ],
+)
+def test_a_number_that_is_none_is_one_line(words, complaint, capsys):
+    assert main(["fake-autopilot", *URL, *words]) == 2
+    assert capsys.readouterr().err == f"h2nav: {complaint}\n"
+
+
 def test_there_are_at_most_three_imus(capsys):
     with pytest.raises(SystemExit) as caught:
         main(["fake-autopilot", *URL, "--imus", "4"])

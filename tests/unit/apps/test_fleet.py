@@ -42,6 +42,7 @@ def test_a_fleet_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
         ([".", "--workers", "0"], "--workers: expected at least 1"),
         ([".", "--workers", "1", "--scheduler", "tcp://127.0.0.1:1"], "leave one of them out"),
         ([".", "--memory-mb", "0"], "expected more than 0"),
+        ([".", "-c", "none.yaml"], "none.yaml: cannot be read"),
         ([".", "--longest-s", "nan"], "expected more than 0"),
     ],
 )

@@ -44,6 +44,8 @@ def test_the_sums_are_told(reviews, tmp_path, capsys):
         ("uid:1: 3\n", "uid:1: expected a date in quotes"),
         ("uid:1:\n  motor 2: soon\n  motor 1: 4\n", "motor 2: 'soon'; expected a date"),
         ("uid:1:\n  motor 2: 2026-01-02\n", "put it in quotes"),
+        ("uid:1:\n  motor 2: '0001-01-01T00:00:00+01:00'\n", "expected a date"),
+        ("uid:1:\n  motor 2: '9999-12-31T23:59:59-01:00'\n", "expected a date"),
     ],
 )
 def test_a_wrong_file_is_named_with_the_remedy(reviews, tmp_path, capsys, text, said):
