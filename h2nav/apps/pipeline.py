@@ -280,7 +280,10 @@ class Pipeline:
     def _process(self, t_ns: int, frames: list[Frame], now_ns: int) -> None:
         for frame in frames:
             if frame.msg_id in self._watched_ids:
-                self._watcher.frame(t_ns, frame)
+                try:
+                    self._watcher.frame(t_ns, frame)
+                except Exception as error:
+                    self._fault(t_ns, message_name(frame.msg_id), error)
             if frame.msg_id in self._message_ids:
                 try:
                     self._carry_out(t_ns, deliver(self.service, frame, t_ns, now_ns))

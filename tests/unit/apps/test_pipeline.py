@@ -248,6 +248,18 @@ def test_a_bug_costs_one_message_and_is_told_with_its_place():
     assert faults[0][2].startswith("ValueError: of a test at test_pipeline.py:")
 
 
+def test_a_bug_of_the_watcher_costs_the_service_no_message():
+    bench = Bench(watched=(RAW_IMU,))
+
+    def fails(_t_ns, _frame):
+        raise ValueError("of a test")
+
+    bench.watcher.frame = fails
+    bench.pipeline.received(T_NS, frames(raw_imu(1)))
+    assert [fault[1] for fault in bench.service.named("fault")] == ["RAW_IMU"]
+    assert len(bench.service.named("message")) == 1
+
+
 @pytest.mark.parametrize(
     ("event", "where"),
     [
