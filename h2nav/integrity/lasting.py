@@ -8,7 +8,10 @@ RAISE_S = 1.0
 MAX_RATIO = 5.0
 CLEAR_RATIO = 0.8
 CLEAR_S = 4.0
-# A raised test without new ratios ends after this.
+# A ratio holds since the one before, but behind a longer pause only for this: one value proves
+# nothing.
+LONGEST_STEP_S, PAUSED_STEP_S = 2.0, 0.2
+# Without new ratios a raised test ends after this, and what has been counted is forgotten.
 FORGET_S = 60.0
 
 
@@ -27,11 +30,14 @@ class Lasting:
         """Takes the present ratio; ignores NaN."""
         dt_s = 0.0 if self._t_us is None else max((t_us - self._t_us) * 1e-6, 0.0)
         self._t_us = t_us
+        self._silent_s += dt_s
+        if self._silent_s >= FORGET_S:
+            self.is_raised, self._excess_s = False, 0.0
         if math.isnan(ratio):
-            self._silent_s += dt_s
-            self.is_raised &= self._silent_s < FORGET_S
             return
         self._silent_s = 0.0
+        if dt_s > LONGEST_STEP_S:
+            dt_s = PAUSED_STEP_S
         if self._excess_s == 0.0 and not self.is_raised:
             self._failed_us = t_us
         excess_s = self._excess_s + dt_s * (min(ratio, MAX_RATIO) - 1.0)

@@ -59,3 +59,27 @@ def test_it_tells_since_when():
     test.take(7_000_000, 2.0)
     assert test.is_raised
     assert test.since_s(7_000_000) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("pause_s", "counts"), [(2.0, True), (2.1, False)])
+def test_a_single_value_behind_a_pause_neither_raises_nor_clears(pause_s, counts):
+    test = Lasting()
+    test.take(0, 0.9)
+    test.take(round(1e6 * pause_s), 1.5 if counts else 1e9)
+    assert test.is_raised == counts
+    test = Lasting()
+    raised_s = fed(test, 3.0, 2.0)
+    for i in (1, 2):
+        test.take(round(1e6 * (raised_s + i * pause_s)), 0.5)
+    assert test.is_raised != counts
+
+
+@pytest.mark.parametrize("ratio", [math.nan, 0.99])
+def test_after_a_minute_of_silence_it_begins_anew(ratio):
+    test, later_us = Lasting(), round(1e6 * (3.0 + FORGET_S))
+    fed(test, 3.0, 2.0)
+    test.take(later_us, ratio)
+    assert not test.is_raised
+    test.take(later_us + 100_000, 2.0)
+    assert not test.is_raised
+    assert test.since_s(later_us + 100_000) == 0.0
