@@ -132,9 +132,7 @@ class LearntReceiver:
         known = known._replace(moment=used[-1].ended.moment)
         self._learnt_us = known.moment.t_us
         share = length_s / FORGOTTEN_S
-        for i in range(4):
-            grown = self._covariance[i][i] + share * PRIOR[i] ** 2
-            self._covariance[i][i] = min(grown, PRIOR[i] ** 2)
+        _forget(self._covariance, share)
         self._note()
         return self._update(_window(used, known))
 
@@ -177,6 +175,21 @@ class LearntReceiver:
         moved = [sum(row[j] * found[place] for j, place in enumerate(PLACES)) for row in root]
         half = [[dot(row, line) for line in spread] for row in root]
         return _Estimate(moved, [[dot(line, row) for row in root] for line in half])
+
+
+def _forget(covariance: Matrix, share: float) -> None:
+    """Forgets a share of what was learnt, at most all of it.
+
+    A variance that is cut to what was known at first takes its correlations along: the rest would
+    be no covariance.
+    """
+    for i, prior in enumerate(PRIOR):
+        grown = covariance[i][i] + share * prior**2
+        kept = min(prior / math.sqrt(grown), 1.0)
+        for row in covariance:
+            row[i] *= kept
+        covariance[i] = [kept * part for part in covariance[i]]
+        covariance[i][i] = min(grown, prior**2)
 
 
 def _ended_us(row: VelocityRow) -> int:

@@ -9,6 +9,7 @@ from velocity_flights import FLYING, PERIOD, accelerating, new_filter, turning, 
 from h2nav.attitude.samples import Vec3, VelocityFix
 from h2nav.integrity.findings import Sensor, SensorKind
 from h2nav.integrity.monitor import Monitor, Speeds
+from h2nav.integrity.receiver import PRIOR, _forget, _root
 from h2nav.integrity.velocity_windows import UNKNOWN
 from h2nav.maths import quaternion
 
@@ -46,6 +47,35 @@ def flown(late: int, antenna_b: Vec3, noise_m_s: float, end_s: float = 70.0, per
         if estimate is not None:
             monitor.add(sample, estimate)
     return monitor._search.receiver, texts, filter_
+
+
+def test_what_is_forgotten_of_delay_and_antenna_leaves_a_covariance() -> None:
+    """A window in which both look alike leaves more unknown along their difference than before."""
+    along, across = (0.3, -0.95, 0.0, 0.0), (0.95, 0.3, 0.0, 0.0)
+    covariance = [
+        [
+            PRIOR[i] * PRIOR[j] * (1.4 * along[i] * along[j] + 0.01 * across[i] * across[j])
+            for j in range(4)
+        ]
+        for i in range(4)
+    ]
+    covariance[2][2] = covariance[3][3] = PRIOR[2] ** 2
+    _forget(covariance, 0.01)
+    root = _root(covariance)
+    for i, row in enumerate(covariance):
+        assert 0.0 < row[i] <= PRIOR[i] ** 2 * (1.0 + 1e-12)
+        for j, part in enumerate(row):
+            assert sum(a * b for a, b in zip(root[i], root[j], strict=True)) == pytest.approx(part)
+            assert part == covariance[j][i]
+
+
+def test_nothing_more_is_forgotten_than_was_learnt() -> None:
+    covariance = [[PRIOR[i] ** 2 if i == j else 0.0 for j in range(4)] for i in range(4)]
+    covariance[0][0], covariance[0][1] = 0.5 * PRIOR[0] ** 2, 0.1 * PRIOR[0] * PRIOR[1]
+    covariance[1][0] = covariance[0][1]
+    _forget(covariance, 0.1)
+    assert covariance[0][0] == pytest.approx(0.6 * PRIOR[0] ** 2)
+    assert [covariance[i][i] for i in (1, 2, 3)] == pytest.approx([p * p for p in PRIOR[1:]])
 
 
 def test_a_receiver_that_is_late_and_off_the_centre_is_learnt_and_accuses_nobody() -> None:
