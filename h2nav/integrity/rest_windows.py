@@ -127,6 +127,7 @@ class RestWindows:
             self.field = m_b_ut if old is None else _blend(old, m_b_ut)
             self._fields.append(m_b_ut)
         if self._start_us is None or not 0 <= t_us - self._start_us < 2 * REST_WINDOW_US:
+            self._begin_anew()
             self._begin(t_us)
         if t_us - (self._start_us or 0) >= REST_WINDOW_US:
             self._end()
@@ -136,6 +137,14 @@ class RestWindows:
             sums[place] += value
             sums[place + 6] += value * value
         self._count += 1
+
+    def _begin_anew(self) -> None:
+        """Forgets what was before a pause, in which the vehicle may be moved, but what is told."""
+        self.windows = []
+        if not self.field_turn_rad:
+            self._field_before = None
+        if not self.force_move_m_s2:
+            self._force_before = None
 
     def _begin(self, t_us: int) -> None:
         self._start_us, self._sums, self._count, self._fields = t_us, [0.0] * 12, 0, []

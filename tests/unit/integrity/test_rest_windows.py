@@ -45,6 +45,10 @@ class Bench:
         self._t_us += 50 * STEP_US
         self._last = (w_b, f_b, field, False)
 
+    def pause(self, seconds):
+        """Without samples."""
+        self._t_us += round(1e6 * seconds)
+
     def rest(self, windows, **how):
         for _ in range(windows):
             self.window(**how)
@@ -244,6 +248,31 @@ def test_a_turn_ends_the_comparison_of_forces_and_a_blow_does_not():
     assert bench.windows.force_move_m_s2 == 0.0
     bench.rest(2, f_b=(4.0, 0.0, -GRAVITY_M_S2))
     assert bench.windows.force_move_m_s2 > 0.9
+
+
+TILTED = (0.0, 3.0, -9.3)
+
+
+@pytest.mark.parametrize(("pause_s", "is_told"), [(0.4, True), (1.1, False)])
+def test_a_vehicle_may_be_moved_in_a_pause(pause_s, is_told):
+    bench = Bench()
+    bench.rest(6, field=NORTH)
+    bench.pause(pause_s)
+    bench.rest(6, field=turned(NORTH, 40.0), f_b=TILTED)
+    told = bench.windows
+    assert (told.field_turn_rad > 0.0, told.force_move_m_s2 > 0.0) == (is_told, is_told)
+    assert told.still
+
+
+def test_what_is_told_is_told_behind_a_pause():
+    bench = Bench()
+    bench.rest(6, field=NORTH)
+    bench.rest(6, field=turned(NORTH, 40.0), f_b=TILTED)
+    told = bench.windows.field_turn_rad, bench.windows.force_move_m_s2
+    assert min(told) > 0.0
+    bench.pause(60.0)
+    bench.rest(6, field=turned(NORTH, 40.0), f_b=TILTED)
+    assert (bench.windows.field_turn_rad, bench.windows.force_move_m_s2) == pytest.approx(told)
 
 
 def test_directions_against_numpy():
