@@ -275,7 +275,7 @@ class SensorPair:
         self.compared_us: int | None = None
         self.raised_us: int | None = None  # since when it has failed for long enough
         self.shape = FailedComparison()
-        self.open_rad = 0.0
+        self.open_rad, self._faded_us = 0.0, 0
         self.heard = ZERO  # what the hearing has added to their difference
         self._scatter = 0.0
         self._shaken = _Shaken()
@@ -293,7 +293,11 @@ class SensorPair:
 
     def agrees(self, t_us: int) -> bool:
         """Whether they have just shown the same."""
-        return self.is_fresh(t_us) and not self.is_raised and self.ratio < 1.0
+        return not self.test.is_raised and self.ratio < 1.0 and self.is_fresh(t_us)
+
+    def differs(self, t_us: int) -> bool:
+        """Whether they differ now: one that is no longer heard may not be the right one."""
+        return self.test.is_raised and self.is_fresh(t_us)
 
     def is_fresh(self, t_us: int) -> bool:
         """Whether they have been compared just now."""
@@ -383,13 +387,19 @@ class SensorPair:
             (a, b, c), (x, y, z) = self.heard, left
             self.heard = a + share * x, b + share * y, c + share * z
 
-    def fade(self) -> None:
+    def fade(self, t_us: int) -> None:
         """A window later less is left of what a difference may have done to an attitude."""
         self.open_rad *= math.exp(-VOTING_WINDOW_S / OPEN_S)
+        self._faded_us = t_us
+
+    def opened_rad(self, t_us: int) -> float:
+        """What is left of it, whether or not there are windows any more."""
+        late_us = t_us - self._faded_us
+        return self.open_rad * math.exp(-1e-6 * late_us / OPEN_S if late_us > STALE_US else 0.0)
 
     def _open(self, t_us: int, size: float) -> None:
         """Counts the error of an attitude that a difference may have made."""
-        self.fade()
+        self.fade(t_us)
         if self.raised_us is None or t_us - self.raised_us > OPEN_S * 1e6:
             return
         if self._part is InertialSensor.ACCELEROMETER:

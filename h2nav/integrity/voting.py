@@ -111,7 +111,7 @@ class Voting:
             if pair is None:
                 pair = self._pairs[part, i, j] = SensorPair(part)
             if (part, i) in self._excluded or (part, j) in self._excluded:
-                pair.fade()  # what a faulty one differs by is not to be learnt
+                pair.fade(t_us)  # what a faulty one differs by is not to be learnt
             else:
                 pair.compare(t_us, one.closed, other.closed)
 
@@ -176,7 +176,8 @@ class Voting:
             if (part, number) not in self._wrong and self._is_outvoted(part, pairs, number):
                 self._wrong[part, number] = self._t_us
         for (i, j), pair in pairs.items():
-            if pair.is_raised and not self._wrong.keys() & {(part, i), (part, j)}:
+            is_open = not self._wrong.keys() & {(part, i), (part, j)}
+            if is_open and pair.differs(self._t_us):
                 wrong = self._one_of_two(part, (i, j), pair, suspicions)
                 if wrong is not None:
                     self._wrong[part, wrong] = self._t_us
@@ -261,8 +262,14 @@ class Voting:
         wrong = frozenset(part for part in InertialSensor if (part, imu) in self._wrong)
         agreed = frozenset(part for part, pair in mine if pair.agrees(self._t_us))
         named = {part for part, _ in self._wrong}
-        apart = frozenset(part for part, pair in mine if pair.is_raised and part not in named)
-        opened = [pair.open_rad for part, pair in mine if part not in named or part in wrong]
+        apart = frozenset(
+            part for part, pair in mine if part not in named and pair.differs(self._t_us)
+        )
+        opened = [
+            pair.opened_rad(self._t_us)
+            for part, pair in mine
+            if pair.open_rad and (part not in named or part in wrong)
+        ]
         return Verdict(wrong, agreed - wrong, apart, max(opened, default=0.0))
 
     # --- what is reported ---------------------------------------------------------------------

@@ -304,6 +304,21 @@ def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
     assert voting.verdict(0).wrong == voting.verdict(1).wrong == NOBODY
 
 
+def test_of_two_of_which_one_is_heard_no_more_the_other_is_not_accused_and_the_doubt_fades():
+    one = Imu(1, force_fault=off(0.8, 0.0, 0.0), gyro_fault=off(0.0, 0.0, 5.0 * DEG))
+    _, voting = fly([one, Imu(2)], FAULT_S + 4.0, begin_s=FAULT_S - 10.0)
+    assert voting.verdict(0).apart == set(InertialSensor)
+    opened_rad = voting.verdict(0).open_rad
+    fly([one], FAULT_S + 4.8, begin_s=FAULT_S + 4.0, voting=voting)
+    assert voting.verdict(0).open_rad == opened_rad
+    fly([one], FAULT_S + 14.1, begin_s=FAULT_S + 4.8, voting=voting)
+    assert voting.verdict(0).open_rad == pytest.approx(opened_rad / math.e, rel=0.05)
+    shown = {0: suspected(2.0, 2.0), 1: suspected(0.1, 0.1)}
+    told, _ = fly([one], FAULT_S + 16.0, shown, FAULT_S + 14.1, voting)
+    assert told == []
+    assert not voting.verdict(0).wrong | voting.verdict(0).apart
+
+
 def test_once_a_sensor_is_known_to_be_faulty_the_doubt_that_it_brought_fades():
     def excluded(t_s):
         return frozenset({(InertialSensor.GYRO, 0)}) if t_s > FAULT_S + 6.0 else NOBODY
