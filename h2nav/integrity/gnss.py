@@ -157,6 +157,15 @@ class GnssVerdict:
         self._apart_us = self._apart_us or mine.t_us
         self._apart = apart
 
+    def forget_old(self, t_us: int) -> None:
+        """Forgets what was held against receivers that are heard no more."""
+        stale_us = t_us - STALE_US
+        self._states = {n: said for n, said in self._states.items() if said[0] > stale_us}
+        if self._fixes and self._fixes[-1].t_us <= stale_us:
+            self._false_us = self._spoofed = self._apart_us = None
+        for clock in self._clocks.values():
+            clock.forget_old(stale_us)
+
     def alarms(self) -> list[Alarm]:
         """The present verdict."""
         found = [alarm for alarm in (self._jammed(), self._spoofed_signals()) if alarm is not None]

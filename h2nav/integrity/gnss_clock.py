@@ -55,6 +55,11 @@ class ClockWatch:
                 return
         self.since_us, self.jump_s = t_us, 0.0
 
+    def forget_old(self, stale_us: int) -> None:
+        """Takes no jump for present that no time has shown since then."""
+        if self._other is not None and self._other[0] <= stale_us:
+            self.jump_s = 0.0
+
     def _begin(self, t_us: int, unix_s: float) -> None:
         self._begun_us, self._known, self._other, self.jump_s = t_us, (t_us, unix_s), None, 0.0
 

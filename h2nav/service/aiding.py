@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 
 from h2nav.attitude.samples import MAX_FIX_SIGMA_M_S, EarthField, VehicleState, VelocityFix
+from h2nav.integrity.findings import Alarm
 from h2nav.integrity.gnss import GnssVerdict, SignalState
 from h2nav.integrity.gnss_signals import SignalLevels
 from h2nav.integrity.witness import Witness
@@ -127,7 +128,7 @@ class Aiding:
         witness: takes the receiver's velocities, fused or not.
 
     Attributes:
-        gnss: the verdict on satellite navigation; has its alarms.
+        gnss: the verdict on satellite navigation.
     """
 
     def __init__(
@@ -150,6 +151,15 @@ class Aiding:
         self._altitude_m = 0.0
         self._airspeed_ns = 0
         self._passed: VehicleState | None = None
+
+    def alarms(self) -> list[Alarm]:
+        """Those of satellite navigation."""
+        found = self.gnss.alarms()
+        heard_us = self._estimation.heard_t_us if found else None
+        if heard_us is None:
+            return found
+        self.gnss.forget_old(heard_us)
+        return self.gnss.alarms()
 
     @property
     def knows_field(self) -> bool:

@@ -148,7 +148,7 @@ class Service:
             self._comparing.witness,
         )
         self._judgement = Judgement(
-            self._notices.report, self._estimation, self._comparing.witness, self._aiding.gnss
+            self._notices.report, self._estimation, self._comparing.witness, self._aiding
         )
         self.motion = motion_for(
             settings,

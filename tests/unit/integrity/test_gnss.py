@@ -90,3 +90,34 @@ def test_two_receivers_that_differ_accuse_nobody(apart_m, is_told) -> None:
         verdict.fix(fix, 47.0, 8.0, is_false=False)
     alarms = verdict.alarms()
     assert [(a.severity, a.is_decided) for a in alarms] == [(Severity.NOTICE, False)] * is_told
+
+
+def said(verdict: GnssVerdict) -> None:
+    verdict.state(10_000_000, SignalState(0, 3, 1))
+
+
+def followed(verdict: GnssVerdict) -> None:
+    for i in range(20, 51):
+        fix = VelocityFix(i * PERIOD_US, (5.0, 0.0, math.nan), 0.2)
+        verdict.fix(fix, 47.0 + i * DEG_PER_M, 8.0, is_false=True)
+
+
+def apart(verdict: GnssVerdict) -> None:
+    for i in range(20, 51):
+        fix = VelocityFix(i * PERIOD_US, (1.0, 0.0, math.nan), 0.2)
+        verdict.other_fix(fix, 47.1, 8.0)
+        verdict.fix(fix, 47.0, 8.0, is_false=False)
+
+
+def of_another_time(verdict: GnssVerdict) -> None:
+    for t_us in range(-40_000_000, 10_000_001, PERIOD_US):
+        verdict.time(t_us, 0, 1e9 + 1e-6 * t_us + (90.0 if t_us > 0 else 0.0))
+
+
+@pytest.mark.parametrize("shown", [said, followed, apart, of_another_time])
+def test_nothing_is_held_against_a_receiver_that_is_heard_no_more(shown) -> None:
+    verdict = GnssVerdict()
+    shown(verdict)
+    for t_us, alarms in ((19_999_999, 1), (20_000_000, 0)):
+        verdict.forget_old(t_us)
+        assert len(verdict.alarms()) == alarms

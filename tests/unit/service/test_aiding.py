@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.integrity.gnss import SignalState
 from h2nav.service.aiding import (
     DEFAULT_SIGMA_M_S,
     Aiding,
@@ -128,3 +129,11 @@ def test_without_a_measurement_an_airspeed_is_used_for_two_seconds():
 def test_an_airspeed_is_used_on_fixed_wings_and_where_it_is_wanted():
     assert airspeeds_used(Airspeed(20.0), is_fixed_wing=False) == [None]
     assert airspeeds_used(Airspeed(20.0), airspeed=False) == [None]
+
+
+@pytest.mark.parametrize(("heard_us", "alarms"), [(10_999_999, 1), (11_000_000, 0), (None, 1)])
+def test_what_a_receiver_said_counts_for_ten_seconds_of_the_autopilots_clock(heard_us, alarms):
+    estimation = SimpleNamespace(heard_t_us=heard_us)
+    aiding = Aiding(AidingSettings(), field_of(), None, estimation, None)
+    aiding.gnss.state(1_000_000, SignalState(0, jamming=1, spoofing=3))
+    assert len(aiding.alarms()) == alarms
