@@ -231,7 +231,7 @@ class TwistObserver:
         self._frame = pose.frame
         self._source_resets = pose.source_resets
         q_ob = quaternion.normalize(pose.q_ob)
-        self._settle(RigidState(pose.t_us, q_ob, pose.p_o, ZERO), q_ob)
+        self._settle(RigidState(pose.t_us, q_ob, pose.p_o, ZERO), q_ob, 1)
         return PoseVerdict.STARTED
 
     def _correct(self, pose: PoseSample, anchor: RigidState) -> PoseVerdict:
@@ -242,17 +242,17 @@ class TwistObserver:
         error = self._error(predicted, q_ob, pose)
         if pose.source_resets != self._source_resets:
             self._source_resets = pose.source_resets
-            return self._reset_pose(predicted, q_ob, pose)
+            return self._reset_pose(predicted, q_ob, pose, fix.poses)
         step_s = (pose.t_us - fix.t_us) * 1e-6
         if self._integrates and step_s > self._settings.pose_gap_ms * 1e-3:
-            self._fix = None  # velocity has drifted: the next pose sets it
-            return self._reset_pose(predicted, q_ob, pose)
+            # Velocity has drifted: the next pose sets it.
+            return self._reset_pose(predicted, q_ob, pose, 1)
         if fix.poses > 1 and self._is_jump(error, step_s):
             rad = math.radians(self._settings.pose_gate_deg)
             self._streak = self._streak.and_then(error, rad, self._settings.pose_gate_m)
             if self._streak.poses < self._settings.jump_poses:
                 return PoseVerdict.JUMP
-            return self._reset_pose(predicted, q_ob, pose)
+            return self._reset_pose(predicted, q_ob, pose, fix.poses)
         self._streak = JumpStreak()
         if fix.poses == 1 and self._integrates:
             return self._set_velocity(predicted, q_ob, pose, error.e_p, step_s)
@@ -294,11 +294,13 @@ class TwistObserver:
         limit_m = self._settings.pose_gate_m + 3.0 * sigma_p
         return math.hypot(*error.e_r) > limit_rad or math.hypot(*error.e_p) > limit_m
 
-    def _reset_pose(self, predicted: RigidState, q_ob: Quat, pose: PoseSample) -> PoseVerdict:
-        """Takes the pose as it is; velocity and biases stay."""
+    def _reset_pose(
+        self, predicted: RigidState, q_ob: Quat, pose: PoseSample, poses: int
+    ) -> PoseVerdict:
+        """Takes the pose as it is; velocity and biases stay, and so many poses count as used."""
         self._reset_counter += 1
         self._streak = JumpStreak()
-        self._settle(RigidState(pose.t_us, q_ob, pose.p_o, predicted.v_b), q_ob)
+        self._settle(RigidState(pose.t_us, q_ob, pose.p_o, predicted.v_b), q_ob, poses)
         return PoseVerdict.RESTARTED
 
     def _set_velocity(
@@ -336,9 +338,8 @@ class TwistObserver:
             p_o = plus(p_o, scaled(remaining / u_p, quaternion.rotate(q_ob, e_p)))
         return RigidState(predicted.t_us, q_new, p_o, v_b)
 
-    def _settle(self, state: RigidState, q_measured: Quat) -> None:
+    def _settle(self, state: RigidState, q_measured: Quat, poses: int = 2) -> None:
         """Makes `state` the anchor and integrates the later IMU samples again."""
-        poses = 1 if self._fix is None else 2
         turn = quaternion.multiply(q_measured, quaternion.conjugate(state.q_ob))
         self._fix = Fix(state.t_us, state.p_o, turn, poses)
         self._anchor = state

@@ -263,6 +263,20 @@ def test_the_sources_own_reset_is_followed_at_once():
     assert math.dist(pairs[-1][1].bias_v, BIAS_V) < 1e-4
 
 
+def test_a_reset_before_the_velocity_is_known_leaves_it_to_the_next_pose():
+    """At 20 m/s each of the poses was a jump otherwise, and no two of them agreed."""
+    observer, force, down = TwistObserver(), (0.0, 0.0, -GRAVITY_M_S2), (0.0, 0.0, 1.0)
+    for t_us in range(10_000, 330_000, 10_000):
+        estimate = observer.use_inertial(InertialSample(t_us, ZERO, force, down))
+        if t_us % 100_000 == 0:
+            resets, at = (0, 0.0) if t_us == 100_000 else (1, 40.0)
+            pose = PoseSample(t_us, quaternion.IDENTITY, (at + 2e-5 * t_us, 0.0, 0.0))
+            observer.use_pose(pose._replace(source_resets=resets))
+    assert estimate.reset_counter == 1
+    assert estimate.v_b == pytest.approx((20.0, 0.0, 0.0))
+    assert estimate.p_o == pytest.approx((40.0 + 2e-5 * estimate.t_us, 0.0, 0.0))
+
+
 @pytest.mark.parametrize(("short_of_it_rad", "times"), [(0.005, 1), (0.03, 0)])
 def test_near_a_half_turn_attitude_is_taken_from_the_pose(short_of_it_rad, times):
     """Within 0.02 rad of it, where the direction of the error is noise; else it converges."""
