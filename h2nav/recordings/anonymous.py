@@ -208,8 +208,8 @@ class Replacement(NamedTuple):
         return None
 
     def earlier_us(self, unix_us: int) -> int:
-        """A date in microseconds of UNIX time."""
-        return unix_us - self.weeks * WEEK_S * 10**6
+        """A date in microseconds of UNIX time; a clock that was never set shows none."""
+        return unix_us - self.weeks * WEEK_S * 10**6 if unix_us >= UNIX_US[0] else unix_us
 
     # --- names ----------------------------------------------------------------------------------
 

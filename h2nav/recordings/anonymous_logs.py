@@ -164,12 +164,13 @@ def anonymise_dataflash(
     end = 0
     with _copy(path, output) as data:
         for piece in dataflash_pieces(path, progress):
-            forms = {form.name: form for form in piece.formats.values()}
             spans = []
             for name in sorted(piece.tables.names):
-                table, form = piece.tables.find(name), forms[name]
+                table = piece.tables.find(name)
                 if table is None:
                     continue
+                # By its number, since several types may have one name.
+                form = piece.formats[data[table.places[0] + len(HEAD)]]
                 rows = _Rows(data, form.row(), table.places)
                 counted = _dataflash_rows(name, rows, form, by, counted)
                 spans.append(np.stack((table.places, table.places + form.length), axis=1))
@@ -204,6 +205,10 @@ class _Rows:
         """Names, in order."""
         return self.row.names or ()
 
+    def has_numbers(self, column: str) -> bool:
+        """Whether there is such a column, with one number in each row."""
+        return column in self.columns and self.row[column].kind in "iuf"
+
     def stored(self, column: str) -> NDArray[Any]:
         """(N,) as stored."""
         found: NDArray[Any] = self._view[column][self._places]
@@ -222,9 +227,9 @@ def _dataflash_rows(
             if column != "TimeUS":
                 rows.write(column, np.zeros_like(rows.stored(column)))
         return counted.plus(dropped=len(rows))
-    if name == "PARM":
-        return _dataflash_parameters(rows, by, counted)
     letters = dict(zip(form.columns, form.letters, strict=True))
+    if name == "PARM" and letters.get("Name") in tuple("nNZ"):
+        return _dataflash_parameters(rows, by, counted)
     others = _other_axes(rows)
     for column in rows.columns:
         is_sure = letters[column] == "L"
@@ -250,7 +255,7 @@ def _dataflash_parameters(rows: _Rows, by: Replacement, counted: Counted) -> Cou
     """The values, and the defaults beside them."""
     names = [bytes(name).split(b"\0", 1)[0].decode("latin-1") for name in rows.stored("Name")]
     for column in ("Value", "Default"):
-        if column in rows.columns:
+        if rows.has_numbers(column):
             stored = rows.stored(column)
             own = zip(names, stored.tolist(), strict=True)
             values = np.array([by.parameter(*pair) for pair in own], stored.dtype)
@@ -397,16 +402,16 @@ def _other_axes(rows: _Rows) -> dict[str, NDArray[Any]]:
             pairs[which].append(column)
     found = {}
     for one, other in zip(*pairs.values(), strict=False):
-        found[one], found[other] = rows.stored(other), rows.stored(one)
+        if rows.row[one] == rows.row[other]:
+            found[one], found[other] = rows.stored(other), rows.stored(one)
     return found
 
 
 def _column(rows: _Rows, column: _Column, by: Replacement, counted: Counted) -> Counted:
     """Moves places and dates of one column, and clears what identifies."""
-    may_be_date = rows.row[column.name].kind in "iu"
     other = _replaced(rows, column, by)
     what = "places"
-    if other is None and may_be_date:
+    if other is None and rows.row[column.name].kind in "iu":
         what, other = "dates", by.dated(column.name, rows.stored(column.name))
     if other is None:
         return counted
@@ -420,7 +425,7 @@ def _replaced(rows: _Rows, column: _Column, by: Replacement) -> NDArray[Any] | N
     """What shows a place or an identity, replaced; None if the column is of neither."""
     message, name = column.message, column.name
     kind = rows.row[name]
-    if kind.kind not in "iuf":
+    if not rows.has_numbers(name):
         return None
     if is_identity(name) or (message, name) in MAP_HEIGHTS:
         return np.zeros(len(rows), kind)
@@ -442,7 +447,7 @@ def _replaced(rows: _Rows, column: _Column, by: Replacement) -> NDArray[Any] | N
 def _field_states(rows: _Rows, by: Replacement, counted: Counted) -> Counted:
     """The earth's field among the states of the autopilot's filter."""
     for columns, unit_ut in anonymous_field.STATES:
-        if all(column in rows.columns for column in columns):
+        if all(map(rows.has_numbers, columns)):
             stored = np.stack([rows.stored(column) for column in columns], axis=1)
             other = anonymous_field.states(by.fields, stored, unit_ut)
             differs = (other != stored).any(axis=1)

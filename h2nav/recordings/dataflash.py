@@ -62,6 +62,7 @@ ARMED, DISARMED, LAND_COMPLETE, NOT_LANDED = 10, 11, 18, 28
 # Raw values come in blocks; a gap of more periods begins another.
 BURST_PAUSE = 5.0
 MIN_BURST = 64
+BATCH_ROW = (32,)
 BURST_KINDS = {0: "accelerometer", 1: "gyro"}
 # Largest interval between an error and its text.
 IN_WORDS_S = 0.5
@@ -259,19 +260,23 @@ def _raw(log: DataflashRows, rows: Rows, sensor: str, values: Array) -> Iterator
 def _batches(log: DataflashRows) -> Iterator[Burst]:
     """ISBH announces a batch, and the rows of ISBD with its number hold 32 values each."""
     heads = log.find("ISBH", "N", "type", "instance", "mul", "smp_cnt", "smp_rate")
-    data = log.find("ISBD", "N", "seqno", "x", "y", "z")
-    if heads is None or data is None or data.table.kind("x") == "S":
+    data = log.find("ISBD", "N", "seqno")
+    if heads is None or data is None:
         return
-    numbers, values = data.table.integers("N"), data.table.numbers("x", "y", "z")
-    # (N, 3, 32) to (N, 32, 3)
-    values = values.transpose(0, 2, 1)
-    columns = ("N", "type", "instance", "mul", "smp_cnt", "smp_rate")
-    for row, t_s in zip(heads.table.numbers(*columns).tolist(), heads.t_s.tolist(), strict=True):
-        number, kind, imu, factor, count, rate_hz = row
+    rows = data.table.stored_rows()
+    if [rows.dtype[axis].shape for axis in data.table.columns if axis in "xyz"] != 3 * [BATCH_ROW]:
+        return
+    numbers = data.table.integers("N")
+    values = np.stack([rows[axis] for axis in "xyz"], axis=2).astype(np.float64)
+    whole = (heads.table.integers(name) for name in ("N", "type", "instance", "smp_cnt"))
+    columns = (*whole, heads.table.numbers("mul"), heads.table.numbers("smp_rate"), heads.t_s)
+    for row in zip(*(each.tolist() for each in columns), strict=True):
+        number, kind, imu, count, factor, rate_hz, t_s = row
         first, last = np.searchsorted(numbers, (number, number + 1))
-        part = values[first:last].reshape(-1, 3)[: int(count)]
-        if kind in BURST_KINDS and factor and rate_hz > 0.0 and len(part) >= MIN_BURST:
-            yield Burst(int(imu), BURST_KINDS[int(kind)], t_s, rate_hz, part / factor)
+        part = values[first:last].reshape(-1, 3)[:count]
+        is_known = kind in BURST_KINDS and abs(factor) > 0.0 and 0.0 < rate_hz < math.inf
+        if is_known and len(part) >= MIN_BURST:
+            yield Burst(imu, BURST_KINDS[kind], t_s, rate_hz, part / factor)
 
 
 # --- where it started ------------------------------------------------------------------------

@@ -109,7 +109,8 @@ class _Channels:
             channel, messages = codec
             self._count(part.topic, len(part.rows))
             piece.add(channel, part.t_ns, part.places, messages.encode(part.rows))
-            for topic, rows, drawn in viewer_messages(part.schema, part.rows, part.t_ns):
+            shown = viewer_messages(part.schema, part.rows, part.divisors, part.t_ns)
+            for topic, rows, drawn in shown:
                 if self._is_drawn(topic, part.topic):
                     self._count(topic, len(drawn))
                     channel = self._drawn[topic][0]

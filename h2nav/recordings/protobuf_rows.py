@@ -101,9 +101,7 @@ class RowMessages:
             for place, column in enumerate(field.columns):
                 values[:, place] = _scaled(rows[column], field.divisor)
         size, data = filled.dtype.itemsize, filled.tobytes()
-        messages = [data[at : at + size] for at in range(0, len(data), size)]
-        if not size:
-            messages = [b""] * len(rows)
+        messages = [data[size * row : size * (row + 1)] for row in range(len(rows))]
         for tag, column in self._texts:
             texts = [_utf8(stored) for stored in rows[column].tolist()]
             messages = [

@@ -23,8 +23,6 @@ GPS_EPOCH_UNIX_S = 315_964_800.0
 WEEK_S = 604_800.0
 # Since 2017; one more than in 2015, which does not matter to the field model.
 LEAP_S = 18.0
-# A receiver without the date counts from the first weeks.
-MIN_WEEK = 1_500
 MILLI, CENTI, MICRO = 1e-3, 1e-2, 1e-6
 MAX_UINT16 = 65_534.5  # 65535 is unknown
 MAX_SATELLITES = 254  # 255 is unknown
@@ -96,15 +94,18 @@ def of_week(table: Table, week: str, time_ms: str, fix_type: str) -> Array:
     """UNIX time of a week and its milliseconds, at fixes of a receiver that knows the date."""
     weeks, times_ms = table.numbers(week), table.numbers(time_ms)
     unix_s = GPS_EPOCH_UNIX_S + WEEK_S * weeks + MILLI * times_ms - LEAP_S
-    known = (table.integers(fix_type) >= FIX_3D) & (weeks >= MIN_WEEK)
-    return np.where(known, unix_s, np.nan)
+    return _at_fixes(unix_s, table.integers(fix_type))
 
 
 def utc_at_fixes(table: Table, time_us: str, fix_type: str) -> Array:
     """UNIX time, at fixes of a receiver that knows the date."""
-    unix_s = MICRO * table.numbers(time_us)
-    known = (table.integers(fix_type) >= FIX_3D) & (unix_s >= EARLIEST_UNIX_S)
-    return np.where(known & (unix_s <= LATEST_UNIX_S), unix_s, np.nan)
+    return _at_fixes(MICRO * table.numbers(time_us), table.integers(fix_type))
+
+
+def _at_fixes(unix_s: Array, fix_type: Times) -> Array:
+    """NaN elsewhere, and before the receiver knows the date: it counts from the first weeks."""
+    known = (fix_type >= FIX_3D) & (unix_s >= EARLIEST_UNIX_S) & (unix_s <= LATEST_UNIX_S)
+    return np.where(known, unix_s, np.nan)
 
 
 _PX4_TOPICS = ("sensor_gps", "vehicle_gps_position")  # until 1.11 the second was the receiver
@@ -236,7 +237,11 @@ DATE = Field(
         series(topic, "time_utc_usec", scale=MICRO, least=EARLIEST_UNIX_S, most=LATEST_UNIX_S)
         for topic in _PX4_TOPICS
     ),
-    telemetry=(series("SYSTEM_TIME", "time_unix_usec", scale=MICRO, least=MICRO),),
+    telemetry=(
+        series(
+            "SYSTEM_TIME", "time_unix_usec", scale=MICRO, least=EARLIEST_UNIX_S, most=LATEST_UNIX_S
+        ),
+    ),
 )
 RECEIVERS = (FIXES, ACCURACIES, POWERS, CLOCKS, DATE)
 """All of them."""

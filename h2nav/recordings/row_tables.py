@@ -25,7 +25,7 @@ class Table:
         name: str,
         places: NDArray[np.int64],
         rows: NDArray[np.void],
-        divisors: dict[str, float] | None = None,
+        divisors: Mapping[str, float] | None = None,
         wanted: NDArray[np.int64] | None = None,
     ) -> None:
         self.name = name  # of the message
@@ -39,7 +39,8 @@ class Table:
         return len(self.places)
 
     def __contains__(self, column: str) -> bool:
-        return column in self.columns
+        """Whether it has the column, with one value in each row."""
+        return column in self.columns and not self._rows.dtype[column].shape
 
     @property
     def divisors(self) -> Mapping[str, float]:
@@ -70,7 +71,7 @@ class Table:
         if len(columns) == 1:
             return self._numbers(columns[0])
         first = self._numbers(columns[0])
-        values = np.empty((len(first), len(columns), *first.shape[1:]))
+        values = np.empty((len(first), len(columns)))
         values[:, 0] = first
         for number, column in enumerate(columns[1:], 1):
             values[:, number] = self._numbers(column)
@@ -84,7 +85,7 @@ class Table:
 
     def integers(self, column: str) -> NDArray[np.int64]:
         """(N,) of a column of integers, as stored; clamped to int64."""
-        stored: NDArray[Any] = self._stored(column)
+        stored = self._stored_numbers(column)
         if stored.dtype.kind == "f":
             stored = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
             return stored.clip(-(2.0**62), 2.0**62).astype(np.int64)
@@ -97,14 +98,20 @@ class Table:
         return [word.decode("utf-8", "replace") for word in self.words(column)]
 
     def words(self, column: str) -> list[bytes]:
-        """(N,) of a column of characters, up to the first zero."""
-        return [bytes(v).split(b"\0", 1)[0] for v in self._stored(column).tolist()]
+        """(N,) of a column of characters, up to the first zero; empty of any other column."""
+        if self.kind(column) not in "SO":
+            return [b""] * len(self)
+        return [word.split(b"\0", 1)[0] for word in self._stored(column).tolist()]
 
     def _numbers(self, column: str) -> Array:
         with np.errstate(invalid="ignore"):  # damage may hold any kind of NaN
-            values = self._stored(column).astype(np.float64)
+            values = self._stored_numbers(column).astype(np.float64)
         divisor = self._divisors.get(column)
         return values if divisor is None else values / divisor
+
+    def _stored_numbers(self, column: str) -> NDArray[Any]:
+        """NaN of a column that a damaged definition calls characters."""
+        return np.full(len(self), np.nan) if self.kind(column) == "S" else self._stored(column)
 
     def _stored(self, column: str) -> NDArray[Any]:
         stored: NDArray[Any] = self._rows[column][self._wanted]

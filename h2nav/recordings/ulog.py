@@ -196,7 +196,7 @@ def _bursts(log: ULogRows) -> tuple[Burst, ...]:
 def _fifo(log: ULogRows, rows: Rows, sensor: str) -> Iterator[Burst]:
     """Messages without a gap between them form one burst."""
     table = rows.table
-    size = min(FIFO_VALUES, sum(f"x[{number}]" in table for number in range(FIFO_VALUES)))
+    size = sum(all(f"{axis}[{n}]" in table for axis in "xyz") for n in range(FIFO_VALUES))
     # (N, size, 3)
     values = np.stack(
         [table.numbers(*(f"{axis}[{number}]" for axis in "xyz")) for number in range(size)], axis=1

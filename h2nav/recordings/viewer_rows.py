@@ -1,6 +1,6 @@
 """Attitude and position of recorded messages, in schemas that viewers draw by themselves."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from h2nav.maths.rows import Array, from_euler
 from h2nav.maths.units import DEG, SECOND_NS
 from h2nav.recordings.protobuf_rows import Rows
 from h2nav.recordings.rotations import are_units
+from h2nav.recordings.row_tables import Table
 
 LOCATION_TOPIC = "/location"
 SCHEMAS = {
@@ -33,7 +34,7 @@ class _Columns(NamedTuple):
     """Where a message has an attitude or a position."""
 
     names: tuple[str, ...]
-    factors: tuple[float, ...]  # to radians, degrees of position, meters
+    factors: tuple[float, ...]  # of their units, to radians, degrees of position, meters
 
 
 def _same(names: tuple[str, ...], factor: float = 1.0) -> _Columns:
@@ -46,7 +47,7 @@ ANGLES = {
 }
 QUATERNIONS = {"ulog.vehicle_attitude": _same(("q[0]", "q[1]", "q[2]", "q[3]"))}
 PLACES = {
-    "dataflash.GPS": (_Columns(("Lat", "Lng", "Alt"), (1e-7, 1e-7, 1e-2)),),
+    "dataflash.GPS": (_same(("Lat", "Lng", "Alt")),),
     "mavlink.GPS_RAW_INT": (_Columns(("lat", "lon", "alt"), (1e-7, 1e-7, 1e-3)),),
     "ulog.sensor_gps": (
         _same(("latitude_deg", "longitude_deg", "altitude_msl_m")),
@@ -60,37 +61,36 @@ PLACES = {
 
 
 def viewer_messages(
-    schema: str, rows: Rows, unix_ns: NDArray[np.int64]
+    schema: str, rows: Rows, divisors: Mapping[str, float], unix_ns: NDArray[np.int64]
 ) -> Iterator[ViewerMessages]:
     """The attitude as ``/tf`` and ``/pose``, the position as ``/location``.
 
     Args:
         schema: of the rows, such as ``dataflash.ATT``.
         rows: (N,) structured, as stored.
+        divisors: of the columns stored as multiples of a fraction.
         unix_ns: (N,) their times.
     """
+    table = Table(schema, np.arange(len(rows)), rows, divisors)
     if schema in ANGLES:
-        angles = _values(rows, ANGLES[schema])
+        angles = _values(table, ANGLES[schema])
         good = np.flatnonzero(np.isfinite(angles).all(axis=1))
         yield from _attitudes(good, unix_ns[good], from_euler(angles[good]))
     elif schema in QUATERNIONS:
-        q_nb = _values(rows, QUATERNIONS[schema])
+        q_nb = _values(table, QUATERNIONS[schema])
         good = np.flatnonzero(are_units(q_nb))
         yield from _attitudes(good, unix_ns[good], q_nb[good])
     for columns in PLACES.get(schema, ()):
-        if set(columns.names) <= set(rows.dtype.names or ()):
-            places = _values(rows, columns)
+        if all(name in table for name in columns.names):
+            places = _values(table, columns)
             has_fix = np.isfinite(places).all(axis=1) & places[:, :2].any(axis=1)
             yield _locations(np.flatnonzero(has_fix), unix_ns[has_fix], places[has_fix])
             return
 
 
-def _values(rows: Rows, columns: _Columns) -> Array:
-    """(N, k) columns in SI units; NaN where the message lacks one."""
-    found = np.full((len(rows), len(columns.names)), np.nan)
-    for place, (name, factor) in enumerate(zip(columns.names, columns.factors, strict=True)):
-        if name in (rows.dtype.names or ()):
-            found[:, place] = rows[name] * factor
+def _values(table: Table, columns: _Columns) -> Array:
+    """(N, k) columns in the units of `_Columns`; NaN where the message lacks one."""
+    found: Array = table.numbers_or_nan(*columns.names) * columns.factors
     return found
 
 

@@ -15,7 +15,7 @@ from h2nav.recordings.anonymous_logs import (
     dataflash_facts,
     ulog_facts,
 )
-from h2nav.recordings.dataflash_tables import dataflash_pieces
+from h2nav.recordings.dataflash_tables import FMT_TYPE, dataflash_pieces
 from h2nav.recordings.ulog_tables import read_ulog
 
 HOME = Coordinates(47.4, 8.5)
@@ -253,6 +253,27 @@ def test_damage_is_zeroed_but_definitions_in_it_stay(tmp_path):
     data = (tmp_path / "new.bin").read_bytes()
     assert data.endswith(bytes(5) + definition + bytes(3) + bytes(len(definition) - 1))
     assert counted == Counted(other_bytes=5 + 3 + len(definition) - 1)
+
+
+@pytest.mark.parametrize("letters", [b"QI", b"QQQQ"])  # the second contradicts the length
+def test_of_types_with_one_name_each_row_has_its_own_columns(tmp_path, letters):
+    again = struct.pack("<BBB4s16s64s", FMT_TYPE, 250, 15, b"POS", letters, b"TimeUS,X")
+    output, counted = dataflash(tmp_path, ("POS", "LL", "Lat,Lng", *HOME), behind=HEAD + again)
+    assert counted == Counted(places=4)
+    assert of(output, "POS", "Lat", "Lng") == [pytest.approx(BY.target)] * 2
+
+
+@pytest.mark.parametrize(
+    ("message", "places"),
+    [
+        (("PARM", "Nn", "Name,Value", b"STAT_BOOTCNT", b"ten"), 0),
+        (("PARM", "f", "Value", 5.0), 0),
+        (("PARM", "If", "Name,Value", 1, 5.0), 0),
+        (("ABC", "La", "Lat,Lng", 47.4, np.zeros((2, 32))), 2),
+    ],
+)
+def test_a_column_of_another_kind_is_no_parameter_and_no_axis(tmp_path, message, places):
+    assert dataflash(tmp_path, message)[1] == Counted(places=places)
 
 
 # --- what a ULog file loses -------------------------------------------------------------------

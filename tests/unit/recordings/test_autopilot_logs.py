@@ -307,6 +307,37 @@ def test_batches_become_bursts(tmp_path: Path) -> None:
     np.testing.assert_allclose(burst.values[:, 2], -burst.values[:, 0])
 
 
+BATCH = ("ISBH", "HBBHHf", "N,type,instance,mul,smp_cnt,smp_rate", 7, 1, 0, 1, 100, 1000.0)
+BLOCK = ("ISBD", "HHaaa", "N,seqno,x,y,z", 7, 0, *[np.zeros(32)] * 3)
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        [("PARM", "Nn", "Name,Value", b"FRAME_CLASS", b"one")],
+        [("PARM", "If", "Name,Value", 2**31, 1.0)],  # as many bytes would fill the memory
+        [("EV", "n", "Id", b"abc")],
+        [("GPS", "BaHLLfff", "Status,GMS,GWk,Lat,Lng,Alt,Spd,GCrs", 3, 0, 2000, 1, 1, 1, 1, 1)],
+        [("GPS", "BQHLLfff", "Status,GMS,GWk,Lat,Lng,Alt,Spd,GCrs", 3, 2**63, 2000, *[1.0] * 5)],
+        [BLOCK, ("ISBH", "HfffHf", BATCH[2], 7, 1, 0, np.nan, 100, 1000.0)],
+        [BLOCK, ("ISBH", "HBBHff", BATCH[2], 7, 1, 0, 1, np.nan, np.inf)],
+        [BATCH, ("ISBD", "HHaaf", *BLOCK[2:-1], 0.0)],
+        [BATCH, ("ISBD", "HHaa", "N,seqno,x,y", *BLOCK[3:-1])],
+    ],
+)
+def test_a_definition_that_calls_a_column_something_else_costs_that_column_only(
+    tmp_path: Path, messages: list[tuple[Any, ...]]
+) -> None:
+    t_us = START_US + np.arange(100) * 10_000
+    writer = imu_log(t_us)
+    for name, letters, columns, *values in messages:
+        writer.add(name, f"Q{letters}", f"TimeUS,{columns}", t_us, *values)
+    log = opened(tmp_path, writer.bytes())
+    assert (len(log.context().imus), log.context().bursts) == (1, ())
+    assert log.context().start_unix_s is None
+    assert sum(1 for _ in log.events()) > 100
+
+
 def test_raw_rows_become_bursts_without_pauses(tmp_path: Path) -> None:
     writer = imu_log(START_US + np.arange(200) * 10_000)
     t_us = START_US + np.arange(1000) * 1000
@@ -426,7 +457,10 @@ def test_the_sensors_own_buffers_become_bursts(tmp_path: Path, integrated: MadeF
     fields = "float dt;float scale;uint8_t samples;int16_t[32] x;int16_t[32] y;int16_t[32] z"
     wave = np.arange(3200).reshape(100, 32) % 50
     extra.add("sensor_gyro_fifo", fields, t_us, 125.0, 0.01, 8, wave, -wave, 7)
-    (burst,) = opened(tmp_path, ulog(integrated, extra=extra)).context().bursts
+    shorter = "float dt;float scale;uint8_t samples;int16_t[32] x;int16_t[8] y;int16_t[7] z"
+    extra.add("sensor_accel_fifo", shorter, t_us, 125.0, 0.01, 8, wave, 0, 7)
+    burst, of_seven = opened(tmp_path, ulog(integrated, extra=extra)).context().bursts
+    assert (of_seven.sensor, len(of_seven.values)) == ("accelerometer", 700)
     assert (burst.sensor, burst.rate_hz, len(burst.values)) == ("gyro", 8000.0, 800)
     np.testing.assert_allclose(burst.values[:, 0], 0.01 * wave[:, :8].ravel(), atol=1e-9)
 

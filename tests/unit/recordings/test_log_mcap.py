@@ -16,6 +16,7 @@ from pymavlink import mavutil
 from pymavlink.DFReader import DFReader_binary
 from pyulog import ULog
 
+from fuzz.worn_logs import text_of
 from h2nav.cli import main
 from h2nav.errors import BadInput
 from h2nav.maths.quaternion import from_euler
@@ -195,6 +196,29 @@ def test_viewers_draw_attitude_and_position_without_configuration(tmp_path: Path
     fix, place = found["/mavlink/1/1/GPS_RAW_INT"][-1][1], found["/location"][-1][1]
     assert place.latitude == pytest.approx(fix.lat * 1e-7, abs=1e-9)
     assert place.altitude == pytest.approx(fix.alt * 1e-3)
+
+
+@pytest.mark.parametrize("as_text", [False, True])
+@pytest.mark.parametrize("old", [False, True])  # in hundredths of degrees
+def test_viewers_draw_what_a_dataflash_log_stores_in_fractions(
+    tmp_path: Path, old: bool, as_text: bool
+) -> None:
+    data = dataflash(made_flight(duration_s=1.0), old=old)
+    _, output = exported(tmp_path, "log", text_of(data) if as_text else data)
+    found = decoded(output)
+    angles, drawn = found["/ATT"][-1][1], found["/tf"][-1][1].rotation
+    q = from_euler(*(math.radians(angle) for angle in (angles.Roll, angles.Pitch, angles.Yaw)))
+    assert [getattr(drawn, axis) for axis in "wxyz"] == pytest.approx(list(q), abs=1e-6)
+    fix, place = found["/GPS"][-1][1], found["/location"][-1][1]
+    assert (place.latitude, place.longitude) == pytest.approx((fix.Lat, fix.Lng))
+    assert place.altitude == pytest.approx(fix.Alt)
+
+
+def test_a_message_of_texts_alone(tmp_path: Path) -> None:
+    writer = DataflashWriter()  # of 2014
+    writer.add("MSG", "Z", "Message", np.arange(2), np.array([b"one", b"two"]))
+    _, output = exported(tmp_path, "log.bin", writer.bytes())
+    assert [message.Message for _, message in decoded(output)["/MSG"]] == ["one", "two"]
 
 
 def test_topics_within_topics_get_names_that_protobuf_accepts(tmp_path: Path) -> None:
