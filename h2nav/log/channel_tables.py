@@ -133,13 +133,18 @@ class _Tables:
         destination.folder.mkdir(parents=True, exist_ok=True)
         self._destination = destination
         self._tables: dict[str, ChannelTable] = {}
+        self._file_names: set[str] = set()
 
     def table(self, name: str, columns: Callable[[], Sequence[Column]]) -> ChannelTable:
         if name not in self._tables:
             # A topic of a foreign log must not lead out of the folder.
             file_name = "".join(c if c.isalnum() or c in "-." else "_" for c in name).strip("_.")
+            file_name = file_name or "channel"
+            while file_name in self._file_names:
+                file_name += "_"
+            self._file_names.add(file_name)
             folder, suffix, open_table = self._destination
-            path = folder / f"{file_name or 'channel'}{suffix}"
+            path = folder / f"{file_name}{suffix}"
             try:
                 self._tables[name] = open_table(path, columns())
             except FileExistsError:

@@ -26,10 +26,14 @@ from h2nav.log.records import (
 )
 
 _FOOTER = struct.Struct("<BQQQI")
-_SEARCH_BLOCK = 1 << 20
-# A record as it may follow damage: an opcode of the data section and a length below 16 MiB.
-_FIND_HEAD = re.compile(rb"[\x03-\x09\x0c]...\x00{5}|\x0f\x04\x00{7}", re.DOTALL).finditer
+_FIRST_BLOCK, _SEARCH_BLOCK = 1 << 12, 1 << 20
+# A record as it may follow damage: an opcode of the data section and a length below 16 MiB. Looked
+# ahead, because the byte before it may look like the opcode.
+_FIND_HEAD = re.compile(rb"(?=[\x03-\x09\x0c]...\x00{5}|\x0f\x04\x00{7})", re.DOTALL).finditer
 _HOLE = bytes(_SEARCH_BLOCK + HEAD.size - 1)
+# What looks like a record and is none may be read in vain as far as this: some bytes, and more for
+# each byte before it. Otherwise a few bytes that repeat would cost the square of their number.
+_FREE_BYTES, _BYTES_PER_BYTE = 1 << 26, 64
 _LOWEST, _HIGHEST = int(Opcode.HEADER), int(Opcode.DATA_END)
 
 
@@ -65,6 +69,7 @@ class LogScan:
         self.position = 0
         self.damaged_records = self.skipped_bytes = 0
         self.ended = False
+        self._in_vain = 0  # bytes
 
     def entries(self) -> Iterator[LogEntry]:
         """Yields all intact records in order, up to the end of the data section."""
@@ -116,16 +121,22 @@ class LogScan:
             entry = self._entry_at(follower) if follower < self.size else None
             if entry is not None:
                 return entry
-        start = damaged + 1
+        start, step = damaged + 1, _FIRST_BLOCK
         while start < self.size:
             self._stream.seek(start)
-            block = self._stream.read(_SEARCH_BLOCK + HEAD.size - 1)
+            block = self._stream.read(step + HEAD.size - 1)
             # A hole of a file that was cut by a full disk may be long, and is read in no time.
             for match in _FIND_HEAD(block) if block != _HOLE else ():
-                entry = self._entry_at(start + match.start())
+                place, length = start + match.start(), HEAD.unpack_from(block, match.start())[1]
+                if self._in_vain + length > _FREE_BYTES + _BYTES_PER_BYTE * place:
+                    continue
+                entry = self._entry_at(place)
                 if entry is not None:
                     return entry
-            start += _SEARCH_BLOCK
+                if place + length < self.size:  # otherwise it was not read
+                    self._in_vain += length
+            start += step
+            step = min(4 * step, _SEARCH_BLOCK)
         return None
 
 

@@ -105,7 +105,9 @@ def time_object(t_ns: int) -> dict[str, int]:
 def time_from_object(value: Any) -> Any:
     """The nanoseconds of a `time_object`; any other value unchanged."""
     if isinstance(value, dict) and value.keys() == {"sec", "nsec"}:
-        return value["sec"] * SECOND_NS + value["nsec"]
+        sec, nsec = value["sec"], value["nsec"]
+        if type(sec) is type(nsec) is int:
+            return sec * SECOND_NS + nsec
     return value
 
 

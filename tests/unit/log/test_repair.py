@@ -9,9 +9,11 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.log import reader as log_reader
 from h2nav.log.file import Attachment, LogFile
 from h2nav.log.reader import LogEntry, LogScan, is_closed
 from h2nav.log.recorder import RecorderRecord
+from h2nav.log.records import intact_content
 from h2nav.log.repair import DamagedLog, complete_in_place, recover, replace_damaged
 
 SEED = 20_261_121
@@ -272,3 +274,29 @@ def test_garbage_and_huge_lengths_end_soon(tmp_path: Path) -> None:
     assert sum(entry.opcode == Opcode.CHUNK for entry in entries) == CHUNKS
     header = entries_of(tmp_path / "sound.mcap")[0]
     assert scan.skipped_bytes == 64 * 9 + 200_000 + header.size, "a header counts only in front"
+
+
+def test_a_byte_that_looks_like_the_opcode_hides_no_record_behind_it(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "a.mcap")
+    sound, chunk = path.read_bytes(), chunks_of(path)[3]
+    path.write_bytes(sound[: chunk.offset] + b"\x7f\x03" + sound[chunk.offset :])
+    assert len(chunks_of(path)) == CHUNKS
+
+
+def test_heads_without_a_record_cost_no_more_than_some_times_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[int] = []
+
+    def counting(opcode: int, body: bytes) -> bytes | None:
+        read.append(len(body))
+        return intact_content(opcode, body)
+
+    monkeypatch.setattr(log_reader, "intact_content", counting)
+    monkeypatch.setattr(log_reader, "_FREE_BYTES", 1 << 12)
+    path = write_log(tmp_path / "a.mcap")
+    sound = path.read_bytes()
+    heads = struct.pack("<BQ", Opcode.ATTACHMENT, 10_000) * 2_000
+    path.write_bytes(sound[:8] + heads + sound[8:])
+    assert len(chunks_of(path)) == CHUNKS
+    assert sum(read) < 70 * path.stat().st_size
