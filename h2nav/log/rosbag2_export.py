@@ -8,7 +8,7 @@ import math
 import struct
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import orjson
 import yaml
@@ -18,6 +18,7 @@ from mcap.writer import CompressionType, Writer
 from h2nav import __version__
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
+from h2nav.log.file import new_file
 from h2nav.log.progress import Progress
 from h2nav.log.reader import messages_of
 from h2nav.log.records import StoredMessage
@@ -88,12 +89,20 @@ def export_rosbag2(
         folder.mkdir(parents=True)
     except FileExistsError:
         raise BadInput(f"{folder}: exists; name another folder with -o") from None
-    with _Bag(folder, topics or TYPES) as bag:
-        flight = _Flight(bag)
-        for channel, stored in messages_of(path, progress):
-            flight.take(channel, stored)
-    if not bag.messages:
-        raise BadInput(f"{path}: no samples, attitudes or findings in it")
+    try:
+        with new_file(folder / f"{folder.name}_0.mcap") as stream:
+            bag = _Bag(stream, topics or TYPES)
+            flight = _Flight(bag)
+            for channel, stored in messages_of(path, progress):
+                flight.take(channel, stored)
+            if not bag.messages:
+                raise BadInput(f"{path}: no samples, attitudes or findings in it")
+            document = bag.finish(Path(stream.name).name)
+            with new_file(folder / "metadata.yaml", "x") as metadata:
+                yaml.safe_dump(document, metadata, sort_keys=False)
+    except BaseException:
+        folder.rmdir()
+        raise
     return BagResult(folder, bag.messages, flight.left_out)
 
 
@@ -121,7 +130,7 @@ class _Flight:
             return
         try:
             taker(orjson.loads(stored.data), _Times(stored.log_ns, stored.publish_ns))
-        except (KeyError, TypeError, ValueError, struct.error):
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
             self.left_out += 1
 
     def _imu(self, fields: dict[str, Any], times: "_Times") -> None:
@@ -214,15 +223,10 @@ class _Noise:
 class _Bag:
     """A bag that is being written."""
 
-    def __init__(self, folder: Path, topics: Collection[str]) -> None:
+    def __init__(self, stream: Any, topics: Collection[str]) -> None:
         self.messages: dict[str, int] = {}
-        self._folder = folder
         self._topics = topics
-        self._path = folder / f"{folder.name}_0.mcap"
-        self._stream = self._path.open("xb")
-        self._writer = Writer(
-            self._stream, compression=CompressionType.ZSTD, use_summary_offsets=False
-        )
+        self._writer = Writer(stream, compression=CompressionType.ZSTD, use_summary_offsets=False)
         self._writer.start("ros2", f"h2nav {__version__}")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -248,19 +252,10 @@ class _Bag:
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[name])
         return self._channels[topic]
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, failed: object, *_: object) -> None:
+    def finish(self, file_name: str) -> dict[str, Any]:
+        """Writes the index; returns the metadata of the bag, which has one file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
-        self._stream.close()
-        if failed or not self.messages:
-            self._path.unlink()
-            self._folder.rmdir()
-            return
-        document = {"rosbag2_bagfile_information": self._metadata()}
-        text = yaml.safe_dump(document, sort_keys=False)
-        (self._folder / "metadata.yaml").write_text(text, encoding="utf-8")
+        return {"rosbag2_bagfile_information": self._metadata(file_name)}
 
     def _span(self) -> dict[str, Any]:
         return {
@@ -269,7 +264,7 @@ class _Bag:
             "message_count": sum(self.messages.values()),
         }
 
-    def _metadata(self) -> dict[str, Any]:
+    def _metadata(self, file_name: str) -> dict[str, Any]:
         return {
             "version": METADATA_VERSION,
             "storage_identifier": "mcap",
@@ -280,8 +275,8 @@ class _Bag:
             ],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [self._path.name],
-            "files": [{"path": self._path.name, **self._span()}],
+            "relative_file_paths": [file_name],
+            "files": [{"path": file_name, **self._span()}],
         }
 
 

@@ -1,10 +1,12 @@
 """An exported bag as `rosbags`, an independent reader, sees it."""
 
+import errno
 import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import orjson
 import pytest
 from live_records import finding
 from needs import DEG, REPOSITORY, need_package
@@ -12,9 +14,11 @@ from needs import DEG, REPOSITORY, need_package
 from h2nav.apps.recorded_log import as_log
 from h2nav.cli import main
 from h2nav.errors import BadInput
+from h2nav.log import rosbag2_export
 from h2nav.log.file import LogFile
 from h2nav.log.ros_messages import definition, full_name
 from h2nav.log.rosbag2_export import NOISE_SAMPLES, TYPES, export_rosbag2
+from h2nav.log.schema import RecordFormat
 from h2nav.maths.quaternion import from_euler
 from h2nav.recordings.recording import open_recording
 from h2nav.service.records import (
@@ -213,6 +217,43 @@ def test_what_has_no_place_in_a_message_is_counted(tmp_path: Path) -> None:
     log.add_record("/estimate", RejectionRecord("late", 1), START_NS, START_NS)
     result = export_rosbag2(log.close(), tmp_path / "bag")
     assert (result.messages["/imu/data_raw"], result.left_out) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("topic", "changed"),
+    [
+        ("/finding", {"id": 1}),
+        ("/finding", {"text": None}),
+        ("/health", {"autopilot": None}),
+        ("/imu", {"gyro_x_rad_s": 1e300}),  # its noise has no square
+    ],
+)
+def test_a_record_of_others_that_cannot_be_told_is_left_out(
+    tmp_path: Path, topic: str, changed: dict[str, Any]
+) -> None:
+    texts = dict.fromkeys(("id", "severity", "text", "source", "state", "reason", "autopilot"), "x")
+    fields = {**texts, **sample()._asdict(), "is_open": True}
+    log = LogFile(tmp_path / "log.mcap")
+    form = RecordFormat("x", b"{}", orjson.dumps)
+    for number, record in enumerate((fields, fields, fields | changed)):
+        log.add_formatted(topic, form, record, START_NS + number)
+    result = export_rosbag2(log.close(), tmp_path / "bag")
+    assert result.left_out == 1
+
+
+def test_no_part_of_a_bag_is_left_where_the_disk_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    log = LogFile(tmp_path / "log.mcap")
+    log.add_record("/imu", sample(), START_NS, START_NS)
+    path = log.close()
+    monkeypatch.setattr(rosbag2_export.Writer, "finish", full)
+    with pytest.raises(OSError, match="No space"):
+        export_rosbag2(path, tmp_path / "bag")
+    assert not (tmp_path / "bag").exists()
 
 
 def test_topics_are_chosen_and_wrong_ones_named(
