@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.writer import Writer
@@ -49,3 +50,20 @@ def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path: Path) 
     path = log_of(tmp_path / "a.mcap", [("/a", {"x": 1})])
     with pytest.raises(BadInput, match=r"no topic /c; the log has /a"):
         export_csv(path, tmp_path / "out", ["/c"])
+
+
+def test_topics_that_make_one_name_have_files_of_their_own(tmp_path: Path) -> None:
+    messages = [("/a/b", {"x": 1}), ("/a_b", {"y": 2}), ("/a b", {"z": 3}), ("/a/b", {"x": 4})]
+    found = export_csv(log_of(tmp_path / "a.mcap", messages), tmp_path / "out")
+    rows = {file.path.name: file.rows for file in found.files}
+    assert rows == {"a_b.csv": 2, "a_b_.csv": 1, "a_b__.csv": 1}
+
+
+@pytest.mark.parametrize(("sec", "nsec"), [(None, 1), ("1", "2"), ([1], 2), (1.5, 2), (1, None)])
+def test_what_only_looks_like_a_time_stays_as_it_is(tmp_path: Path, sec: Any, nsec: Any) -> None:
+    messages = [("/a", {"t_ns": {"sec": sec, "nsec": nsec}})]
+    found = export_csv(log_of(tmp_path / "a.mcap", messages), tmp_path / "out")
+    assert found.skipped == {}
+    with found.files[0].path.open(encoding="utf-8") as stream:
+        (row,) = csv.DictReader(stream)
+    assert row["t_ns [ns]"] == str({"sec": sec, "nsec": nsec})
