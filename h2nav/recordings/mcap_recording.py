@@ -17,6 +17,9 @@ from h2nav.log.records import StoredMessage, message, parse
 from h2nav.recordings.link_recording import Recording, nonzero
 from h2nav.wire.arrivals import Arrivals, gathered
 
+# Times of a hostile file are brought within 2^62 ns, which is the year 2116.
+LATEST_NS = 1 << 62
+
 
 class McapRecording(Recording):
     """A log of h2nav, closed or cut off, intact or damaged; read front to back only."""
@@ -28,7 +31,8 @@ class McapRecording(Recording):
         self._read_outline()
         about = self.metadata.get("recording", {})
         with contextlib.suppress(ValueError):
-            self.unix_offset_ns = int(about.get("unix_offset_ns", "0"))
+            offset_ns = int(about.get("unix_offset_ns", "0"))
+            self.unix_offset_ns = offset_ns if abs(offset_ns) <= LATEST_NS else 0
 
     def batches(self) -> Iterator[Arrivals]:
         """Yields each received piece with its exact monotonic time, in order of arrival."""
@@ -36,15 +40,18 @@ class McapRecording(Recording):
 
     def received(self) -> Iterator[tuple[int, bytes]]:
         """Yields single arrivals."""
-        for topic, _, stored in self._messages(RAW_ENCODING):
+        for topic, stored in self._messages(RAW_ENCODING):
             if topic.startswith(RECEIVED_TOPIC):
-                yield stored.log_ns - self.unix_offset_ns, stored.data
+                yield min(stored.log_ns, LATEST_NS) - self.unix_offset_ns, stored.data
 
     def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yields the records of `topic` as written; NaN reads as None."""
-        for found, encoding, stored in self._messages("json"):
-            if found == topic and encoding == "json":
-                yield stored.log_ns, orjson.loads(stored.data)
+        for found, stored in self._messages("json"):
+            if found == topic:
+                with contextlib.suppress(orjson.JSONDecodeError):
+                    fields = orjson.loads(stored.data)
+                    if isinstance(fields, dict):
+                        yield stored.log_ns, fields
 
     def _read_outline(self) -> None:
         """Reads attachments and metadata, wherever they are in the file."""
@@ -58,8 +65,8 @@ class McapRecording(Recording):
                     texts = parse(Metadata.read, entry.body)
                     self.metadata[texts.name] = texts.metadata
 
-    def _messages(self, wanted: str) -> Iterator[tuple[str, str, StoredMessage]]:
-        """Yields topic, encoding and message of every channel of the encoding `wanted`."""
+    def _messages(self, encoding: str) -> Iterator[tuple[str, StoredMessage]]:
+        """Yields topic and message of every channel of one encoding."""
         directory = Directory(self.path)
         with self.path.open("rb") as stream:
             scan = LogScan(stream)
@@ -71,8 +78,8 @@ class McapRecording(Recording):
                         continue
                     stored = message(body)
                     channel = directory.channel(stored.channel_id)
-                    if channel is not None and channel.message_encoding == wanted:
-                        yield channel.topic, channel.message_encoding, stored
+                    if channel is not None and channel.message_encoding == encoding:
+                        yield channel.topic, stored
             self.notes = nonzero(
                 damaged_records=scan.damaged_records, skipped_bytes=scan.skipped_bytes
             )

@@ -12,6 +12,7 @@ from h2nav.errors import BadInput
 from h2nav.log.file import LogFile
 from h2nav.log.reader import LogScan
 from h2nav.log.recorder import Recorder, RecorderRecord
+from h2nav.log.schema import RecordFormat
 from h2nav.recordings.link_recording import SYNTHETIC_BYTES_S
 from h2nav.recordings.recording import open_recording
 from h2nav.wire.deframer import Deframer
@@ -103,6 +104,27 @@ def test_attachments_that_came_late_are_found(tmp_path: Path) -> None:
     recording = open_recording(path)
     assert recording.metadata["autopilot"] == {"version": "4.7"}
     assert recording.attachments["late"].data == b"found"
+
+
+@pytest.mark.parametrize("offset_ns", [0, 2**62 + 1, -(2**70), 10**30])
+@pytest.mark.parametrize("log_ns", [0, 2**62, 2**63, 2**64 - 1])
+def test_times_of_no_computer_are_brought_into_range(
+    tmp_path: Path, offset_ns: int, log_ns: int
+) -> None:
+    log = LogFile(tmp_path / "a.mcap")
+    log.describe("recording", {"unix_offset_ns": str(offset_ns)})
+    log.add_raw("/mavlink/rx/a", log_ns, b"bytes")
+    recording = open_recording(log.close())
+    (arrivals,) = recording.batches()
+    assert arrivals.t_ns.tolist() == [min(log_ns, 2**62)]
+
+
+@pytest.mark.parametrize("content", [b"no JSON", b"[1]", b"null"])
+def test_a_record_of_others_that_is_none_is_passed_over(tmp_path: Path, content: bytes) -> None:
+    log = LogFile(tmp_path / "a.mcap")
+    for number, data in enumerate((content, b'{"a": 1}')):
+        log.add_formatted("/a", RecordFormat("x", b"{}", bytes), data, number)
+    assert list(open_recording(log.close()).records("/a")) == [(1, {"a": 1})]
 
 
 def test_a_tlog_replays_into_a_log_with_the_same_arrivals(tmp_path: Path) -> None:
