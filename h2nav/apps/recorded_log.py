@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from h2nav.attitude.samples import AttitudeEstimate
-from h2nav.errors import BadInput
+from h2nav.errors import BadInput, TaskFailed
 from h2nav.integrity.severity import Severity
 from h2nav.log.magic import is_mcap
 from h2nav.log.progress import Progress
@@ -23,6 +23,7 @@ def as_log(path: Path, progress: Progress) -> Iterator[Path]:
 
     Raises:
         BadInput: not a recording.
+        TaskFailed: the disk has no room for it.
     """
     if not path.is_file() or is_mcap(path):
         yield path
@@ -55,6 +56,11 @@ def _replayed(path: Path, log: Path, progress: Progress) -> None:
             progress(*recording.progress)
     finally:
         recorder.close()
+    if recorder.trouble is not None:
+        raise TaskFailed(
+            f"{path}: its replay cannot be written: {recorder.trouble}; name a folder with more "
+            "room in TMPDIR"
+        )
 
 
 class _Silent:

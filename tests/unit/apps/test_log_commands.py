@@ -1,6 +1,7 @@
 """`h2nav log info|recover|export` as a user meets them."""
 
 import csv
+import errno
 import json
 import math
 import sys
@@ -598,6 +599,19 @@ def test_another_recording_is_exported_as_it_replays(tmp_path: Path) -> None:
     again = tmp_path / "again.tlog"
     assert main(["log", "export", str(flight), "-o", str(again), "--to", "tlog"]) == 0
     assert again.stat().st_size == pytest.approx(flight.stat().st_size, rel=0.01)
+
+
+def test_a_replay_that_the_disk_has_no_room_for_is_not_exported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(_: LogFile) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(LogFile, "sync", full)
+    flight, folder = rewritten(tmp_path / "short.tlog", first_s=1.0), tmp_path / "csv"
+    assert main(["log", "export", str(flight), "-o", str(folder)]) == 1
+    assert "No space left on device; name a folder with more room" in capsys.readouterr().err
+    assert not folder.exists()
 
 
 def test_what_an_autopilot_wrote_itself_has_no_frames_to_export(
