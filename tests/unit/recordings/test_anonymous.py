@@ -206,6 +206,13 @@ def test_names_of_latitudes(name):
     assert which_of("Lng") == which_of("longitude") == which_of("home_lon") == "longitude"
 
 
+@pytest.mark.parametrize(
+    ("unix_us", "weeks"), [(0, 0), (10**15 - 1, 0), (10**15, 7), (1_700_000_000_000_000, 7)]
+)
+def test_the_time_of_a_clock_that_was_never_set_is_no_date(unix_us, weeks):
+    assert BY.earlier_us(unix_us) == unix_us - weeks * WEEK_S * 10**6
+
+
 def test_unknown_positions_stay_unknown():
     zeros = np.zeros(2, np.int32)
     assert (BY.moved("Lat", zeros) == 0).all()
