@@ -71,14 +71,16 @@ class _DecodedChunks:
 
     def after(self, entry: LogEntry, known: Directory) -> LogEntry | None:
         """Returns a chunk of decoded messages, once it is large enough."""
+        defines = False
         for opcode, body in records_of(entry):
             if opcode == Opcode.MESSAGE:
                 stored = message(body)
                 channel = known.channel(stored.channel_id)
                 if channel is not None and self._is_received(channel):
                     self._decode(channel.topic, stored.log_ns, stored.data)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._refuse_clash(known)
+            defines |= opcode in (Opcode.SCHEMA, Opcode.CHANNEL)
+        if defines:
+            self._refuse_clash(known)
         return self.rest() if len(self._content) >= CHUNK_BYTES else None
 
     def rest(self) -> LogEntry | None:

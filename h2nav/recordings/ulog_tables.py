@@ -473,7 +473,7 @@ class _Chain:
 
     def _on_parameter(self, place: int, body: bytes) -> None:
         name, value = _keyed(body)
-        if isinstance(value, float) and math.isfinite(value):
+        if isinstance(value, float):
             self._parameters.append(ParameterSet(place, name, value))
 
     def _on_info(self, _place: int, body: bytes) -> None:
@@ -517,4 +517,5 @@ def _keyed(body: bytes) -> tuple[str, str | float | None]:
     form = TYPES.get(kind)
     if form is None or np.dtype(form).itemsize != len(value) or kind == "char":
         return name, None
-    return name, float(np.frombuffer(value, form)[0])
+    number = float(np.frombuffer(value, form)[0])
+    return name, number if math.isfinite(number) else None

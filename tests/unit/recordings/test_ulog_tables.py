@@ -13,6 +13,7 @@ from needs import need_package, shared_data
 
 from h2nav.errors import BadInput
 from h2nav.recordings import ulog_tables
+from h2nav.recordings.ulog import open_ulog
 from h2nav.recordings.ulog_tables import ULogFile, instance, is_ulog, read_ulog, ulog_pieces
 from h2nav.sim.imu_model import GyroSampling
 
@@ -242,3 +243,13 @@ def test_the_padding_of_a_row_within_another_is_there(tmp_path: Path):
     assert table is not None
     np.testing.assert_array_equal(table.numbers("of[0].v"), np.arange(count))
     assert set(table.numbers("of[1].v")) == {5.0}
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
+def test_what_is_no_number_is_neither_information_nor_parameter(tmp_path: Path, value: float):
+    made = writer()
+    made.info("float ver_sw_release", struct.pack("<f", value))
+    made.parameter("MAV_TYPE", value)
+    file = read(tmp_path, made.bytes())
+    assert (file.info, file.parameters) == ({}, [])
+    assert open_ulog(tmp_path / "log").context().firmware == ""
