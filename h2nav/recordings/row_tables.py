@@ -85,7 +85,7 @@ class Table:
 
     def integers(self, column: str) -> NDArray[np.int64]:
         """(N,) of a column of integers, as stored; clamped to int64."""
-        stored = self._stored_numbers(column)
+        stored: NDArray[Any] = self._stored_numbers(column)
         if stored.dtype.kind == "f":
             stored = np.nan_to_num(stored, nan=0.0, posinf=0.0, neginf=0.0)
             return stored.clip(-(2.0**62), 2.0**62).astype(np.int64)
