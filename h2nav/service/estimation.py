@@ -38,8 +38,8 @@ from h2nav.wire.imu import NUMBERED_IDS, RECORDED_IMU, ImuMessage, ImuReading
 from h2nav.wire.vehicle import ParameterValue, Vibration
 
 LOOK_NS = 50_000_000
-# A new epoch reaches every lane within this time.
-EPOCH_NS = 10 * SECOND_NS
+# Of one clock, samples are apart by as much as their arrivals, within this.
+SAME_CLOCK_NS = 2 * SECOND_NS
 # Two lanes whose attitudes differ.
 APART_RAD = math.radians(2.0)
 
@@ -104,7 +104,6 @@ class Estimation:
         self._without_compass: tuple[Lane, ...] = ()
         self._looked_ns = self._tilts_ns = 0
         self._heard_ns = 0
-        self._epoch_ns: int | None = None
         self._begin_epoch()
         self.routes: dict[int, tuple[int, Takers]] = {}
         self._rejected: Counter[str] = Counter()
@@ -133,7 +132,6 @@ class Estimation:
             self._twins[other.imu].append(pair)
         self._are_several = len(self._lanes) > 1
         self._lender, self._without_compass = None, ()
-        self._epoch_ns = None
         self._begin_epoch()
         self._compasses = Compasses()
         self.routes.clear()
@@ -424,12 +422,14 @@ class Estimation:
         assert sample is not None
         assert lane is not None
         event = None if lane.event is None else lane.pop_event()
-        if event is not None and self._epoch_ns is not None and t_ns - self._epoch_ns < EPOCH_NS:
-            event = None if of_step is None else event
+        if event is not None and of_step is None and self._goes_on(t_ns, sample.t_us):
+            event = None  # told when the lane that was sent then began it
         if event is not None:
-            self._epoch_ns = t_ns
             self._begin_epoch()
             self._first_ns = t_ns
+            for other in self._lanes:
+                if other is not lane:
+                    other.newest = None  # of the clock before, for as long as nothing comes
         if self._newest is not None and sample.t_us <= self._newest[0]:
             return SentSample(switched=switched)
         self._newest = sample.t_us, t_ns
@@ -437,6 +437,13 @@ class Estimation:
         self.used += 1
         estimate = None if filtered is None else lane.lead(filtered)
         return tuple.__new__(SentSample, (sample, estimate, filtered, event, switched, False))
+
+    def _goes_on(self, t_ns: int, t_us: int) -> bool:
+        """Whether a time is of the same clock as that of the newest sample sent."""
+        if self._newest is None:
+            return False
+        newest_us, newest_ns = self._newest
+        return abs((t_us - newest_us) * 1000 - (t_ns - newest_ns)) < SAME_CLOCK_NS
 
     def _look(self, t_ns: int) -> str:
         """Judges all lanes; returns the text of a switch."""

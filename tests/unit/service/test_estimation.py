@@ -23,6 +23,7 @@ from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.estimation import Estimation
 from h2nav.service.notices import Notices
+from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import AutopilotSettings
 from h2nav.wire.imu import IDS_BY_NAME, ImuReading
 
@@ -53,7 +54,7 @@ class Flight:
         self.estimation.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
         self.estimation.use(VehicleState(on_ground=False))
         self.sends = sends
-        self.tick = 0
+        self.tick, self.uptime_us = 0, START_US
         self.highres_holds = 0
         self.frozen = set()
         self.without_force = set()
@@ -88,7 +89,7 @@ class Flight:
         self._values[message_id] = values
         if not self.estimation.on_arrival(t_ns, message_id):
             return
-        t_us = START_US + self.tick * 10_000 + 400
+        t_us = self.uptime_us + self.tick * 10_000 + 400
         imu = self.highres_holds if message_id == HIGHRES else None
         field = self.fields.get(message_id, self.field)
         reading = ImuReading(t_us // UNIT_US[message_id], *values, field, clipped=False, imu=imu)
@@ -395,6 +396,44 @@ def test_the_newest_time_is_that_of_the_newest_sample():
     assert flight.estimation.newest_t_us is None
     sample = flight.run(0.1)[-1].sample
     assert flight.estimation.newest_t_us == sample.t_us
+
+
+def rebooted(flight):
+    """The flight after half a second of another uptime."""
+    flight.uptime_us = 1_000_000 - 10_000 * flight.tick
+    flight.run(0.5)
+    return flight
+
+
+def test_the_newest_time_is_of_the_present_clock_though_an_imu_has_not_come_back():
+    flight = Flight(sends=(HIGHRES, SECOND))
+    flight.run(0.5)
+    flight.sends = (HIGHRES,)
+    rebooted(flight)
+    assert [outcome.event for outcome in flight.outcomes if outcome.event] == [TimeVerdict.REBOOT]
+    assert flight.estimation.heard_t_us == flight.outcomes[-1].sample.t_us < START_US
+
+
+def test_a_reboot_is_not_told_again_when_another_imu_is_sent():
+    flight = Flight(sends=(HIGHRES, SECOND))
+    flight.run(0.5)
+    rebooted(flight)
+    for _ in range(3):
+        flight.tick += 500  # as long as a link that is interrupted, and no new epoch
+        flight.run(0.5)
+    flight.sends = (SECOND,)
+    flight.run(1.0)
+    assert [text[:14] for text in flight.texts] == ["IMU 2 instead "]
+    assert [outcome.event for outcome in flight.outcomes if outcome.event] == [TimeVerdict.REBOOT]
+
+
+def test_a_reboot_that_the_imu_in_use_did_not_survive_is_told_of_the_next():
+    flight = Flight(sends=(HIGHRES, SECOND))
+    flight.run(0.5)
+    flight.sends = (SECOND,)
+    rebooted(flight)
+    flight.run(0.5)
+    assert [outcome.event for outcome in flight.outcomes if outcome.event] == [TimeVerdict.REBOOT]
 
 
 def test_a_lane_that_is_left_is_blamed_for_what_is_off():
