@@ -444,6 +444,8 @@ class Lane:
             return
         if isinstance(what, VehicleState):
             self._on_ground = what.on_ground is True
+            if not self._on_ground:
+                self._resting.interrupt()
         pass_on(self._filter, what)
         pass_on(self._monitor, what)
 

@@ -608,6 +608,15 @@ def test_the_size_of_the_force_at_rest_shows_its_bias(bench, on_ground, trust, c
     assert given.f_b[2] == pytest.approx(-9.80 if learns else -10.1, abs=0.02)
 
 
+def test_a_rest_does_not_go_on_after_a_flight(bench):
+    bench.filter.trust = Trust.ALIGNED | Trust.REST
+    for on_ground in (True, False, True):
+        bench.lane.use(VehicleState(on_ground=on_ground))
+        for _ in range(2):
+            bench.take(force=(0.0, 0.0, -10.1), ticks=600)
+    assert bench.filter.named("update")[-1].f_b[2] == -10.1
+
+
 def test_a_lane_begins_as_another_one_with_its_own_bias(monkeypatch):
     own, other = Bench(monkeypatch), Bench(monkeypatch)
     for one in (own, other):
