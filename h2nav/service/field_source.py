@@ -17,6 +17,8 @@ WAIT_NS = 2 * SECOND_NS
 # After one, no field for this long is better than a raw one, which is wrong by degrees at once:
 # meanwhile the gyro alone drifts by tenths of a degree.
 TRUSTED_NS = 5 * SECOND_NS
+# After a longer silence filters align anew: not by the field of the attitude before it.
+STALE_NS = SECOND_NS
 
 
 class FieldSource:
@@ -63,8 +65,8 @@ class FieldSource:
             return own
         if self._since_ns is None:
             self._since_ns = t_ns
-        if self._waiting is not None:
-            field, self._waiting = self._waiting, None
+        field, self._waiting = self._waiting, None
+        if field is not None and self._heard_ns is not None and t_ns - self._heard_ns <= STALE_NS:
             self.has_lent, self.is_raw = True, False
             return field
         if self._hopes(t_ns):

@@ -1,8 +1,9 @@
 """Whose field a sample takes: that of PX4's SCALED_IMU is raw, that of HIGHRES_IMU is not."""
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.service.field_source import TRUSTED_NS, WAIT_NS, FieldSource
+from h2nav.service.field_source import STALE_NS, TRUSTED_NS, WAIT_NS, FieldSource
 from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES
 
 SCALED, HIGHRES = (IMU_MESSAGES[IDS_BY_NAME[name]] for name in ("SCALED_IMU", "HIGHRES_IMU"))
@@ -40,6 +41,14 @@ def test_a_raw_field_returns_when_the_calibrated_ones_have_long_stopped():
     assert field_at(source, 1) == CALIBRATED
     assert field_at(source, TRUSTED_NS) is None
     assert field_at(source, TRUSTED_NS + 1) == RAW
+
+
+@pytest.mark.parametrize(("age_ns", "used"), [(STALE_NS, CALIBRATED), (STALE_NS + 1, None)])
+def test_a_field_from_before_a_silence_is_not_used_after_it(age_ns, used):
+    source = FieldSource(PX4, lends=True)
+    source.take_field(0, CALIBRATED)
+    assert field_at(source, age_ns) == used
+    assert field_at(source, age_ns + 1) is None
 
 
 def test_a_field_that_came_with_its_own_message_is_not_lent_again():
