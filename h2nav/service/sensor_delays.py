@@ -86,7 +86,7 @@ class SensorTiming:
 
     def take_parameter(self, parameter: ParameterValue) -> bool:
         """Takes a parameter of the autopilot; returns whether it changed an age."""
-        if parameter.name != self.parameter or parameter.value is None:
+        if not self.parameter or parameter.name != self.parameter or parameter.value is None:
             return False
         cutoff_hz = parameter.value
         if cutoff_hz == 0.0:  # the low-pass is off

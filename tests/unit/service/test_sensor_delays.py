@@ -112,6 +112,11 @@ def test_the_parameter_of_the_low_pass_is_believed():
     assert timing.ages().rates_s == 0.0
 
 
+@pytest.mark.parametrize("timing", [timing_of(PX4), timing_of(COPTER, gyro_delay_s=0.02)])
+def test_a_parameter_without_a_name_is_none_where_none_is_asked_for(timing):
+    assert not timing.take_parameter(ParameterValue("", 80.0))
+
+
 @pytest.mark.parametrize("value", [None, -20.0, 0.001, 1.9, 1001.0, 1e30])
 def test_an_absurd_parameter_is_not_believed(value):
     timing = timing_of(COPTER)
