@@ -72,7 +72,7 @@ class EventSocket:
         Args:
             greeting: lines sent to each new client before any event, with their line breaks.
         """
-        while True:
+        for _ in range(MAX_CLIENTS):
             try:
                 end, _ = self._server.accept()
             except OSError:  # no client waits, or no descriptor is left

@@ -3,6 +3,7 @@
 import os
 import socket
 import stat
+from types import SimpleNamespace
 
 import pytest
 
@@ -65,6 +66,15 @@ def test_there_are_no_more_clients_than_there_is_room_for(server, path):
     assert server.count == MAX_CLIENTS
     for client in clients:
         client.close()
+
+
+def test_programs_that_connect_without_end_do_not_hold_the_daemon_up(server, monkeypatch):
+    never_ends = ((*socket.socketpair()[:1], "") for _ in range(10 * MAX_CLIENTS))
+    queue = SimpleNamespace(accept=never_ends.__next__, close=server._server.close)
+    monkeypatch.setattr(server, "_server", queue)
+    server.tend(list)
+    server.tend(list)
+    assert len(list(never_ends)) == 8 * MAX_CLIENTS
 
 
 def test_only_owner_and_group_get_there_and_nothing_is_left_behind(server, path):
