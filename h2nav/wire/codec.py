@@ -97,7 +97,7 @@ class Encoder:
         """
         try:
             frame: bytes = message.pack(self._sender, force_mavlink1=self._version_1)
-        except (StructError, TypeError) as error:
+        except (StructError, TypeError, OverflowError) as error:
             raise ValueError(f"{message.get_type()} cannot be encoded: {error}") from error
         self._sender.count()
         return frame if self._signer is None else self._signer.signed(frame)

@@ -154,3 +154,9 @@ def test_value_that_does_not_fit_is_refused_not_wrapped(value: object) -> None:
         encoder.encode(message)
     (frame,) = Deframer().feed(encoder.encode(raw_imu(7)))
     assert frame.seq == 0
+
+
+def test_a_float_that_does_not_fit_is_refused_too() -> None:
+    message = mavlink.MAVLink_named_value_float_message(0, b"large", 1e39)
+    with pytest.raises(ValueError, match="NAMED_VALUE_FLOAT cannot be encoded"):
+        Encoder(1, 191).encode(message)
