@@ -25,7 +25,8 @@ class Heartbeat(NamedTuple):
     @property
     def is_of_autopilot(self) -> bool:
         """Whether the sender is an autopilot, and not a ground station, a camera or the like."""
-        return bool(self.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
+        is_autopilot = self.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+        return is_autopilot and not self.is_of_ground_station
 
     @property
     def is_of_ground_station(self) -> bool:

@@ -50,9 +50,10 @@ def test_the_first_autopilot_is_on_trial_at_once_and_confirmed_by_its_imu():
     assert link.autopilot.is_confirmed
 
 
-def test_a_ground_station_is_no_autopilot():
+@pytest.mark.parametrize("claimed", [mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_AUTOPILOT_GENERIC])
+def test_a_ground_station_is_no_autopilot(claimed):
     link = Link()
-    station = Heartbeat(mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_TYPE_GCS, False)
+    station = Heartbeat(claimed, mavlink.MAV_TYPE_GCS, False)
     assert link.heartbeat(0.0, (255, 190), station) is Heard.NOTHING
     assert link.bound_to is None
 
