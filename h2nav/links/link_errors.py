@@ -38,4 +38,6 @@ def explained(url: str, target: LinkUrl, error: OSError) -> str:
         known = error.strerror or str(error)
     if isinstance(target, UdpUrl) and error.errno == errno.ECONNREFUSED:
         known = "no program listens there yet"
+    if isinstance(target, UdpUrl) and not target.listens and error.errno == errno.EACCES:
+        known = "a broadcast address: name the one that answers"
     return f"{url}: {known}"
