@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 # Long enough that the reference's noise is small against the way, short against a manoeuvre.
 INCREMENT_S = 0.5
+# Nobody knows how the wheels turned in a gap, nor beyond half a turn how far the vehicle did.
+MAX_INCREMENT_S = 1.5
 # Poses farther apart than this are not interpolated.
 MAX_POSE_GAP_S = 0.5
 MIN_INCREMENTS = 3
@@ -111,19 +113,19 @@ def increments(
 ) -> Iterator[tuple[tuple[float, ...], Planar]]:
     """Pairs of (wheels' ways, displacement in the body of the start), `INCREMENT_S` apart.
 
-    Readings that go back in time or have no pose around them begin a new increment.
+    Readings that go back in time, come after a gap or have no pose around them begin a new one.
     """
     times = [pose.t_us for pose in poses]
     start: tuple[WheelSample, Planar] | None = None
     for reading in readings:
         pose = _pose_at(reading.t_us, times, poses)
-        if pose is None or (start is not None and reading.t_us <= start[0].t_us):
-            start = None
         if pose is None:
+            start = None
             continue
-        if start is None:
+        since_us = 0 if start is None else reading.t_us - start[0].t_us
+        if start is None or not 0 < since_us <= MAX_INCREMENT_S * 1e6:
             start = (reading, pose)
-        elif reading.t_us - start[0].t_us >= INCREMENT_S * 1e6:
+        elif since_us >= INCREMENT_S * 1e6:
             ways = tuple(b - a for a, b in zip(start[0].ways, reading.ways, strict=True))
             yield ways, se2.compose(se2.inverse(start[1]), pose)
             start = (reading, pose)

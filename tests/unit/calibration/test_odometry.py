@@ -301,6 +301,15 @@ def test_a_recording_without_wheels_is_refused(tmp_path, capsys):
     assert "no WHEEL_DISTANCE" in err
 
 
+@pytest.mark.parametrize(("gap_s", "is_bridged"), [(1.5, True), (1.6, False), (7.0, False)])
+def test_increments_end_where_the_wheels_are_unknown_for_long(gap_s, is_bridged):
+    times_s = (*np.arange(0.0, 2.05, 0.5), *np.arange(2.0 + gap_s, 4.05 + gap_s, 0.5))
+    readings = [WheelSample(1 + round(1e6 * t_s), (t_s, t_s)) for t_s in times_s]
+    poses = [TimedPose(round(1e5 * k), (0.1 * k, 0.0, 0.0)) for k in range(130)]
+    found = [motion[0] for _, motion in increments(readings, poses)]
+    assert found == pytest.approx([*[0.5] * 4, *[gap_s] * is_bridged, *[0.5] * 4])
+
+
 def test_increments_do_not_bridge_gaps_or_time_going_back():
     readings = [WheelSample(1_000_000 + 100_000 * i, (0.1 * i, 0.1 * i)) for i in range(40)]
     readings[20:] = [r._replace(t_us=r.t_us - 2_500_000) for r in readings[20:]]
