@@ -1,5 +1,6 @@
 """Parameter files of ground stations: ArduPilot's, QGroundControl's, PX4's shell lines."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -39,7 +40,9 @@ def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
             words = words[2:]
         pair = words[2:4] if len(words) == 5 else words[:2]
         try:
-            found[pair[0]] = float(pair[1])
+            found[pair[0]] = value = float(pair[1])
+            if not math.isfinite(value):
+                raise ValueError
         except (IndexError, ValueError):
             raise BadInput(
                 f"{name}:{number}: {line.strip()[:60]!r} is not a parameter; expected NAME,VALUE "

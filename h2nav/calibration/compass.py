@@ -51,12 +51,16 @@ from h2nav.calibration.settings import (
 from h2nav.maths.units import DEG, MG_PER_UT
 
 MIN_ROWS = 50
+# Of a scale with soft iron, which firmwares limit to some tens of percent.
+MAX_CONDITION = 100.0
 # More than an offset requires 15 s of each half of the blocks.
 MIN_RICH_ROWS = 75
 # Half a circle of headings determines its centre.
 WIDEST_GAP_DEG = 180.0
 # A working compass follows the turns: this share of the change of the earth's field in the body.
 MOVES_UT, FOLLOWS = 5.0, 0.3
+# Below the resolution of the finest compass (RM3100, 0.013 uT).
+STILL_UT = 0.01
 # Significant: this many deviations, all parameters of a kind together; relevant: this share of the
 # earth's field, 10 mG or one degree of heading; better: this much smaller residuals elsewhere, by
 # more than what half a degree of tilt does.
@@ -121,8 +125,8 @@ def calibrate_compass(
     """
     name = f"compass {compass + 1}"
     subject = _subject(flights, compass)
-    if subject is None:
-        return Outcome(name, left=("no field in flight with a certain tilt and a field model",))
+    if isinstance(subject, str):
+        return Outcome(name, left=(subject,))
     device = f"{subject.settings.device_id}" if subject.settings.device_id else ""
     reason = _unusable(subject.rows)
     if reason:
@@ -130,24 +134,36 @@ def calibrate_compass(
     return _outcome(subject, levers)._replace(device=device)
 
 
-def _subject(flights: Sequence[Evidence], compass: int) -> Subject | None:
-    found, settings, own = [], None, flights[-1]
+def _subject(flights: Sequence[Evidence], compass: int) -> Subject | str:
+    """The compass in all flights, or why there is none.
+
+    A field whose calibration is unknown counts as raw, unless that of another flight is known: raw
+    and calibrated ones have no offset in common.
+    """
+    found, own = [], flights[-1]
     for number, evidence in enumerate(flights):
         for track in evidence.compasses():
             if track.compass == compass:
                 settings = _settings(evidence, compass, track.device_id)
+                if settings is not None and _hides(settings.correction.matrix):
+                    return "scale and soft iron in use hide a direction of its field: reset them"
                 rows = field_rows(evidence, track, settings, number)
-                found += [] if rows is None else [rows]
+                found += [] if rows is None else [(settings, rows)]
     if not found:
-        return None
-    is_known = settings is not None
+        return "no field in flight with a certain tilt and a field model"
+    known = [(settings, rows) for settings, rows in found if settings is not None]
+    settings = known[-1][0] if known else None
     return Subject(
         f"compass {compass + 1}",
-        together(found),
+        together([rows for _, rows in known or found]),
         settings or CompassSettings(compass, 0, can_shape=False),
-        own.parameters if is_known else {},
+        own.parameters if known else {},
         px4_values if own.autopilot == PX4 else ardupilot_values,
     )
+
+
+def _hides(matrix: Array) -> bool:
+    return bool(np.linalg.cond(matrix) > MAX_CONDITION)
 
 
 def _settings(evidence: Evidence, compass: int, device_id: int) -> CompassSettings | None:
@@ -164,6 +180,8 @@ def _unusable(rows: FieldRows) -> str:
     gap = widest_gap_deg(headings_flown(rows))
     if moved > MOVES_UT and measured < FOLLOWS * moved:
         return "its field does not follow the turns: it is dead, or far too weak"
+    if _least_spread(rows.raw_ut) < STILL_UT:
+        return "along one direction its field always stays the same: an axis is dead"
     if gap > WIDEST_GAP_DEG:
         return (
             f"no turns: {gap:.0f} deg of heading were not flown, at most {WIDEST_GAP_DEG:.0f} may"
@@ -173,6 +191,12 @@ def _unusable(rows: FieldRows) -> str:
 
 def _spread(values: Array) -> float:
     return float(np.linalg.norm(np.std(values, axis=0)))
+
+
+def _least_spread(values: Array) -> float:
+    """The deviation along the direction in which it is least."""
+    apart = values - values.mean(axis=0)
+    return float(np.linalg.svd(apart, compute_uv=False)[-1]) / math.sqrt(len(values))
 
 
 # --- which model ------------------------------------------------------------------------------

@@ -108,6 +108,8 @@ def rows_of(evidence: Evidence, number: int) -> DragRows | None:
     attitude = evidence.attitude_of_tracks()
     q_nb = attitude.at(t_s)
     fixed = gps.has_fix & np.isfinite(gps.v_n[:, :2]).all(axis=1)
+    if fixed.sum() < 2:
+        return None
     velocity = np.nan_to_num(gps.v_n[fixed])
     columns = np.column_stack((velocity, gps.altitude_m[fixed]))
     at_fix = interpolated(t_s + LAG_S, gps.t_s[fixed], columns)

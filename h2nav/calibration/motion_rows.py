@@ -91,6 +91,8 @@ def motion_of(
     found_s = lag_of(moves, inertial_velocity(track, q))
     lag_s = USUAL_LAG_S if math.isnan(found_s) else found_s
     windows = _windows(evidence, track, moves, lag_s)
+    if not len(windows.first_s):
+        return None
     rows = _rows(_Sums.of(track, q, axes), attitude, windows)
     good = (rows.length_s < LONGEST * MOTION_WINDOW_S) & (rows.sigma_tilt < SURE_TILT_RAD)
     for column in rows[3:]:

@@ -64,4 +64,4 @@ def matrix(number: int) -> Matrix:
 
 def is_known(number: float) -> bool:
     """Whether a parameter's value is one of these numbers."""
-    return number == int(number) and 0 <= number < len(ANGLES_DEG)
+    return number in range(len(ANGLES_DEG))

@@ -1,5 +1,6 @@
 """Calibrates a vehicle from one or more of its flights."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -94,19 +95,18 @@ def _number(value: float) -> float | None:
 
 
 def _need_one_vehicle(flights: Sequence[Evidence]) -> None:
-    first = flights[0]
-    for other in flights[1:]:
+    for one, other in itertools.combinations(flights, 2):
         ids = {
             name: (value, other.parameters[name])
-            for name, value in first.parameters.items()
+            for name, value in one.parameters.items()
             if "DEV_ID" in name or (name.startswith("CAL_") and name.endswith("_ID"))
             if name in other.parameters
         }
-        differs = [name for name, (one, more) in ids.items() if one != more]
-        if other.autopilot != first.autopilot or differs:
+        differs = [name for name, (its, more) in ids.items() if its != more]
+        if other.autopilot != one.autopilot or differs:
             why = f"{differs[0]} differs" if differs else "their autopilots differ"
             raise BadInput(
-                f"{other.flight.file}: not the vehicle of {first.flight.file}: {why}; "
+                f"{other.flight.file}: not the vehicle of {one.flight.file}: {why}; "
                 "give flights of one vehicle"
             )
 

@@ -53,6 +53,15 @@ def test_there_are_44_rotations_and_all_turn():
         assert np.linalg.det(R) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    ("number", "is_known"),
+    [(0.0, True), (43.0, True), (44.0, False), (-1.0, False), (3.5, False)]
+    + [(number, False) for number in (np.nan, np.inf, -np.inf)],
+)
+def test_a_number_is_known_if_it_is_one_of_them(number, is_known):
+    assert rotations.is_known(number) is is_known
+
+
 def test_names_say_the_turns():
     assert rotations.name_of(0) == "none"
     assert rotations.name_of(10) == "roll 180, yaw 90"
