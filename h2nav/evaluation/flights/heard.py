@@ -55,6 +55,9 @@ class FromAutopilot:
         self.ekf_boot_us = array("q")
         self.ahrs2 = TimedAttitudes()
         self.airborne: list[tuple[int, bool]] = []
+        self._system: int | None = (
+            None  # of the first autopilot that was heard; others are left out
+        )
         self._is_armed: bool | None = None
         self._has_landed = False
         self._newest_boot_us = 0
@@ -69,6 +72,11 @@ class FromAutopilot:
         """Adds a frame of `message_ids`."""
         t_us = t_ns // 1000
         fields: Any = codec.decode(frame)
+        if self._system not in (None, frame.sysid):
+            return
+        is_attitude = frame.msg_id in (SIMSTATE, AHRS2, ATTITUDE)
+        if is_attitude and not math.isfinite(fields.roll + fields.pitch + fields.yaw):
+            return
         if frame.msg_id == SIMSTATE:
             self.truth.add(t_us, fields.roll, fields.pitch, fields.yaw)
         elif frame.msg_id == AHRS2:
@@ -80,7 +88,7 @@ class FromAutopilot:
                 self.ekf.add(t_us, fields.roll, fields.pitch, fields.yaw)
                 self.ekf_boot_us.append(boot_us)
             else:
-                self._vehicle_state(t_us, frame.msg_id, fields)
+                self._vehicle_state(t_us, frame, fields)
 
     def boot_time(self, t_us: int, boot_us: int) -> None:
         """Adds a time stamp of the autopilot."""
@@ -101,10 +109,11 @@ class FromAutopilot:
             return None
         return int(np.median((arrived_us - np.array(self.ekf_boot_us))[is_first]))
 
-    def _vehicle_state(self, t_us: int, message_id: int, fields: Any) -> None:
-        if message_id == HEARTBEAT:
+    def _vehicle_state(self, t_us: int, frame: Frame, fields: Any) -> None:
+        if frame.msg_id == HEARTBEAT:
             beat = heartbeat(fields)
-            self._is_armed = beat.is_armed if beat.is_of_autopilot else self._is_armed
+            if beat.is_of_autopilot:
+                self._is_armed, self._system = beat.is_armed, frame.sysid
         else:
             self._has_landed = landed_state(fields).on_ground is True
         if self._is_armed is None:

@@ -22,6 +22,7 @@ ATTITUDE = ("q_w", "q_x", "q_y", "q_z")
 ESTIMATE = tuple(f"ekf2_{name}" for name in ATTITUDE)
 # Offset between boots of the autopilot on the time line of the truth.
 EPOCH_US = 10**14
+MAX_OFF_LENGTH = 0.01  # of a quaternion in a file
 
 
 class Truth(NamedTuple):
@@ -110,17 +111,30 @@ def read_truth(path: Path) -> TruthFile:
         places = [header.index(name) for name in wanted]
         try:
             rows = [[float(row[place] or "nan") for place in places] for row in reader if row]
-        except (ValueError, IndexError):
+        except (ValueError, IndexError, csv.Error):
             raise BadInput(
                 f"{path}:{reader.line_num}: expected numbers in {', '.join(wanted)}"
             ) from None
     table = np.array(rows, dtype=np.float64).reshape(-1, len(places))
     if not len(table) or not np.isfinite(table[:, :5]).all():
         raise BadInput(f"{path}: expected rows with a number in {TIME} and {', '.join(ATTITUDE)}")
+    if not _are_attitudes(table[:, 1:5]).all():
+        raise BadInput(f"{path}: {', '.join(ATTITUDE)}: expected quaternions of length 1")
+    if not ((table[:, 0] >= 0.0) & (table[:, 0] < EPOCH_US)).all():
+        raise BadInput(f"{path}: {TIME}: expected microseconds since the autopilot's boot")
     if not (np.diff(table[:, 0]) > 0.0).all():
         raise BadInput(f"{path}: {TIME}: expected times that rise; one file is of one boot")
     ekf_nb = table[:, 5:] if has_estimate else np.full((len(table), 4), np.nan)
+    # A row of zeros is no estimate, and would have no error.
+    ekf_nb[~_are_attitudes(ekf_nb)] = np.nan
     return TruthFile(table[:, 0].astype(np.int64), table[:, 1:5], ekf_nb)
+
+
+def _are_attitudes(q: Array) -> NDArray[np.bool_]:
+    """(N,) whether (N, 4) quaternions have the length 1, as far as digits of a file go."""
+    with np.errstate(over="ignore"):
+        near: NDArray[np.bool_] = np.abs(np.linalg.norm(q, axis=1) - 1.0) < MAX_OFF_LENGTH
+    return near
 
 
 class TruthPairs(NamedTuple):

@@ -359,6 +359,10 @@ def test_a_flight_without_estimates_is_left_out():
         ("t_us,q_w,q_x,q_y,q_z\n1,1,0,0,0\n2,one,0,0,0\n", "x.csv:3: expected numbers in t_us"),
         ("t_us,q_w,q_x,q_y,q_z\n1,1,0\n", "x.csv:2: expected numbers in t_us"),
         ("t_us,q_w,q_x,q_y,q_z\n2,1,0,0,0\n1,1,0,0,0\n", "t_us: expected times that rise"),
+        ("t_us,q_w,q_x,q_y,q_z\n1,0,0,0,0\n", "expected quaternions of length 1"),
+        ("t_us,q_w,q_x,q_y,q_z\n1,1e300,0,0,0\n", "expected quaternions of length 1"),
+        ("t_us,q_w,q_x,q_y,q_z\n1e15,1,0,0,0\n", "t_us: expected microseconds since"),
+        (f"t_us,q_w,q_x,q_y,q_z\n1,{'1' * 200_000},0,0,0\n", "x.csv:2: expected numbers in t_us"),
     ],
 )
 def test_a_truth_that_cannot_be_used_names_file_and_remedy(tmp_path, text, says):
@@ -367,6 +371,26 @@ def test_a_truth_that_cannot_be_used_names_file_and_remedy(tmp_path, text, says)
     with pytest.raises(BadInput, match=says) as caught:
         read_truth(path)
     assert str(path) in str(caught.value)
+
+
+def test_zeros_are_no_estimate(tmp_path):
+    path = tmp_path / "x.csv"
+    rows = ("1,1,0,0,0,0,0,0,0", "2,1,0,0,0,0.999,0,0,0.01", "3,1,0,0,0,,,,")
+    path.write_text("\n".join((HEADER, *rows)))
+    assert np.isfinite(read_truth(path).ekf_nb).all(axis=1).tolist() == [False, True, False]
+
+
+def test_another_vehicle_and_what_is_no_number_are_left_out():
+    flight = made(lambda t_s: (0.0, 0.0, 0.0))
+    flight.armed(0.0, True)
+    expected = document(flight)
+    attitude = mavlink.MAVLink_attitude_message(25_000, math.nan, 0, 0, 0, 0, 0)
+    flight.hears(5.0, attitude)
+    flight.hears(5.0, mavlink.MAVLink_simstate_message(math.nan, *[0] * 10))
+    flight._encoder = codec.Encoder(2, 1)
+    flight.ekf(5.0, 90.0 * DEG, 1.0)
+    flight.armed(5.0, False)
+    assert document(flight) == expected
 
 
 def test_a_folder_without_recordings_is_bad_input(tmp_path):
