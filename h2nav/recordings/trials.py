@@ -101,7 +101,8 @@ def read_trial(path: Path) -> Trial:
     truth = _floats(arrays, "q")
     mask = arrays["mask"].astype(bool) if "mask" in arrays else np.ones(count, dtype=bool)
     if truth is not None:
-        mask = mask & np.isfinite(truth).all(axis=1)
+        # Zeros are no attitude; compared with them any estimate would be right.
+        mask = mask & np.isfinite(truth).all(axis=1) & (np.linalg.norm(truth, axis=1) > 0.5)
     gyr, acc = _floats(arrays, "gyr"), _floats(arrays, "acc")
     assert gyr is not None
     assert acc is not None

@@ -283,10 +283,14 @@ def _inputs(trial: Trial, conditions: Conditions) -> list[FilterInput]:
 
 
 def _fixes(trial: Trial, conditions: Conditions) -> list[FilterInput]:
-    """The trial's gps rows as velocities, courses rotated to the truth's north."""
+    """The trial's gps rows as velocities in order, courses rotated to the truth's north.
+
+    Rows without a time, a speed or a course are left out.
+    """
     assert trial.gps is not None
+    known = trial.gps[np.isfinite(trial.gps[:, :3]).all(axis=1)]
     inputs = []
-    for t_s, speed, course_deg, _ in trial.gps.tolist():
+    for t_s, speed, course_deg, _ in known[np.argsort(known[:, 0], kind="stable")].tolist():
         course = (course_deg - conditions.declination_deg) * DEG
         v_n = (speed * math.cos(course), speed * math.sin(course), math.nan)
         t_us = round(t_s * 1e6)

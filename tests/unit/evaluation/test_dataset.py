@@ -23,6 +23,7 @@ from h2nav.evaluation.dataset.filters import (
     to_true_north,
 )
 from h2nav.evaluation.dataset.peers import SMOOTHED, installed
+from h2nav.evaluation.dataset.scores import TrialTask, score_task
 from h2nav.files import gain_files
 from h2nav.maths import frames, quaternion
 from h2nav.recordings.listener import Listener
@@ -258,3 +259,28 @@ def test_a_listener_gives_its_filter_what_it_keeps() -> None:
     assert second.arrived_us.tolist() == [1000 * number for number in range(100, 200)]
     assert [each.what for each in first.inputs] == [each.what for each in second.inputs]
     assert [each.what for each in second.inputs] == list(records)
+
+
+def test_rows_of_zeros_are_no_truth_and_gps_rows_without_a_number_no_velocity(
+    tmp_path: Path,
+) -> None:
+    count = 600
+    arrays = {
+        "fs": np.array(100.0),
+        "gyr": np.zeros((count, 3)),
+        "acc": np.tile([0.0, 0.0, 9.8], (count, 1)),
+        "q": np.tile([0.0, 1.0, 0.0, 0.0], (count, 1)),  # upside down
+    }
+    gps = np.column_stack((np.arange(0.0, 6.0, 0.2), *np.zeros((3, 30))))
+    gaps = [[np.nan, 1.0, 0.0, 0.0], [2.0, np.nan, 0.0, 0.0], [2.0, 1.0, np.inf, 0.0]]
+    scores = []
+    for rows, truth in ((gps, 1.0), (np.vstack((gps, gaps))[::-1], np.arange(count)[:, None] % 2)):
+        path = tmp_path / "trial.npz"
+        np.savez(path, **arrays | {"q": truth * arrays["q"], "gps": rows})
+        conditions = Conditions("multirotor", use_gps=True)
+        scores.append(
+            score_task(TrialTask(path, read_trial, "trial", "velocity_aided", conditions))
+        )
+    assert scores[0].rms_deg is not None
+    assert scores[0].rms_deg.total == pytest.approx(180.0)
+    assert scores[1].rms_deg == scores[0].rms_deg
