@@ -26,6 +26,7 @@ from sweep.recordings import FaultyLog, simulated_tlog, write_tlog
 
 from h2nav.apps.playback import PlaybackOptions
 from h2nav.apps.reviewing import review
+from h2nav.evaluation.names import names_of
 from h2nav.evaluation.parallel import results
 from h2nav.integrity.findings import Finding, SensorKind, Severity
 from h2nav.maths.units import DEG
@@ -49,12 +50,14 @@ class Task(NamedTuple):
 
     Attributes:
         path: of the recording.
+        flight: its name among all.
         fault: name of the fault; "" = none.
         seed: of its time and size.
         only_first: without further IMUs.
     """
 
     path: Path
+    flight: str
     fault: str
     seed: int
     only_first: bool
@@ -88,13 +91,13 @@ def outcome(task: Task) -> Outcome:
     )
     is_possible = case is not None and (fault is None or _has(source, context, fault))
     if case is None or not is_possible:
-        return Outcome(task.path.stem, task.fault, None, [])
+        return Outcome(task.flight, task.fault, None, [])
     with tempfile.TemporaryDirectory() as folder:
         faulty = _with_fault(source, Path(folder), fault, case, only_first=task.only_first)
         flight, analysis = review(faulty, PlaybackOptions())
     found = [*flight.findings, *analysis.findings]
     told = [finding for finding in found if finding.severity <= Severity.NOTICE]
-    return Outcome(task.path.stem, task.fault, case, told)
+    return Outcome(task.flight, task.fault, case, told)
 
 
 def _with_fault(
@@ -258,7 +261,11 @@ def main() -> None:
             paths.append(Path(folder) / f"simulated_{number + 1}.tlog")
             simulated_tlog(paths[-1], "flight", 1 + 2 * (number % 2), SIMULATED_S, number)
         names = ["", *(fault.name for fault in FAULTS if args.fault in fault.name)]
-        tasks = [Task(path, name, args.seed, args.only_first) for path in paths for name in names]
+        tasks = [
+            Task(path, flight, name, args.seed, args.only_first)
+            for path, flight in names_of(paths).items()
+            for name in names
+        ]
         outcomes = list(results(outcome, tasks))
     rows = list(judged(outcomes))
     for each in outcomes:

@@ -1,6 +1,7 @@
 """tools/benchmark/score.py, on made reviews: shares, intervals, what counts and what not."""
 
 import json
+from pathlib import Path
 
 import pytest
 from needs import tool
@@ -98,3 +99,10 @@ def test_every_label_is_complete(score):
         assert row["measured"] in verdicts
         # Empty: judged once.
         assert row["measured_again"] in verdicts | {""}
+
+
+def test_logs_of_one_name_have_reviews_of_their_own(score):
+    known = {"1f": Path("a/00000001.BIN"), "2f": Path("b/00000001.BIN"), "3f": Path("a/2.BIN")}
+    places = score.folders(known, Path("reviews"))
+    assert len(set(places.values())) == 3
+    assert places["3f"] == Path("reviews/2.BIN")

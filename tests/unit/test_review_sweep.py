@@ -107,3 +107,12 @@ def test_what_the_flight_says_without_the_fault_is_not_held_against_it(tool):
     (row,) = tool.judged([plain, faulty])
     assert [words.split()[2] for words in row["right"]] == ["gyro_bias"]
     assert [words.split()[2] for words in row["beside"]] == ["gps_lag"]
+
+
+def test_recordings_of_one_name_are_not_compared_with_each_other(tool, monkeypatch):
+    tasks: list = []
+    monkeypatch.setattr(tool, "results", lambda _, given: tasks.extend(given) or ())
+    monkeypatch.setattr("sys.argv", ["sweep", "a/1.bin", "b/1.bin", "--fault", "gyro"])
+    tool.main()
+    assert len({task.flight for task in tasks}) == 2
+    assert len({(task.path, task.flight) for task in tasks}) == 2

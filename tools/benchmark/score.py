@@ -227,6 +227,15 @@ def logs(places: Iterable[Path]) -> list[Path]:
     return [path for path in found if path.suffix.lower() in ENDINGS]
 
 
+def folders(known: Mapping[str, Path], output: Path) -> dict[str, Path]:
+    """Where the review of each log is; of logs with one name each has a folder of its own."""
+    names = Counter(path.name for path in known.values())
+    return {
+        sha256: output / (path.name if names[path.name] == 1 else f"{sha256}_{path.name}")
+        for sha256, path in known.items()
+    }
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """See the module."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -243,16 +252,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             "none of these logs is among the labelled ones: see docs/benchmark.md", file=sys.stderr
         )
         return 1
+    places = folders(known, args.output)
     if not args.reviewed:
         from concurrent.futures import ProcessPoolExecutor
 
-        jobs = [(path, args.output / path.name) for path in known.values()]
+        jobs = [(path, places[sha256]) for sha256, path in known.items()]
         with ProcessPoolExecutor(args.jobs) as workers:
             for line in filter(None, workers.map(_review, jobs)):
                 print(line, file=sys.stderr)
     reviews = {}
-    for sha256, path in known.items():
-        files = sorted((args.output / path.name).glob("*.json"))
+    for sha256, place in places.items():
+        files = sorted(place.glob("*.json"))
         if files:
             reviews[sha256] = json.loads(files[0].read_text(encoding="utf-8"))
     print(f"{len(reviews)} labelled logs", file=sys.stderr)
