@@ -14,6 +14,7 @@ Ends with status 1 where a mutant survived that is not in that list.
 """
 
 import argparse
+import contextlib
 import hashlib
 import json
 import os
@@ -127,8 +128,9 @@ class Results:
         self._known: dict[str, dict[str, str]] = {}
         if path.exists():
             for line in path.read_text(encoding="utf-8").splitlines():
-                row = json.loads(line)
-                self._known[row["key"]] = row
+                with contextlib.suppress(json.JSONDecodeError):  # cut off with its run
+                    row = json.loads(line)
+                    self._known[row["key"]] = row
 
     def verdict(self, mutant: Mutant, reach: str) -> Verdict | None:
         """What is known; a survivor has to face changed tests, and further ones, again."""
@@ -145,7 +147,7 @@ class Results:
         row = {"key": _key(mutant), "tests": self._tests, "reach": reach, **verdict._asdict()}
         row["mutant"] = f"{mutant.module}:{mutant.line} {mutant.kind} {mutant.text!r}"
         with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
+            file.write("\n" + json.dumps(row) + "\n")
         self._known[row["key"]] = row
 
 

@@ -244,3 +244,17 @@ def test_every_equivalent_is_in_the_source(tool):
         if (was, becomes) not in (tool.change(source, each) for each in near):
             gone.append((module, was, becomes))
     assert not gone
+
+
+def test_a_run_that_was_broken_off_while_it_wrote_goes_on(
+    tool, tree, operators, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(tool, "REPOSITORY", tree)
+    one, other = operators.mutants(MODULE, SOUND)[:2]
+    path = tmp_path / "results.jsonl"
+    killed = tool.Verdict("killed", "a test")
+    tool.Results(path).keep(one, killed, tool.NEAR)
+    path.write_text(path.read_text() + '{"key": "cut o')
+    tool.Results(path).keep(other, killed, tool.NEAR)
+    again = tool.Results(path)
+    assert [again.verdict(each, tool.NEAR) for each in (one, other)] == [killed, killed]
