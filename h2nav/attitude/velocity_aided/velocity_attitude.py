@@ -9,6 +9,7 @@ from h2nav.attitude.velocity_aided.doubted_sensors import DoubtedSensors
 from h2nav.attitude.velocity_aided.gains import VelocityAidedGains
 from h2nav.attitude.velocity_aided.velocity_aiding import MIN_SIGMA_M_S
 from h2nav.maths.units import DEG
+from h2nav.maths.vectors import ZERO
 
 # A larger bias turns the forces of a window in the air by more than the velocities can show.
 KNOWN_BIAS_RAD_S = 0.3 * DEG
@@ -30,6 +31,10 @@ class VelocityAttitude(DoubtedSensors):
         """Adds a sample to the window; the window ends at its full length."""
         if window.is_over(sample.t_us):
             self._air = None
+            return
+        if sample.clipped or sample.f_b == ZERO:
+            # What it hides of turn or force is missing in all sums.
+            self._watch_in_air(sample.t_us)
             return
         rate, force, field = self._without_biases(sample)
         window.add(sample.t_us, rate, force, field, self.field_latency_s)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from needs import DEG
@@ -32,6 +33,7 @@ from h2nav.attitude.samples import (
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
 from h2nav.maths import quaternion
+from h2nav.maths.vectors import ZERO
 
 GAP = 3500  # the sample before which nothing comes for a while
 NO_BIAS = (0.0, 0.0, 0.0)
@@ -77,6 +79,18 @@ def test_after_a_gap_the_deviation_covers_the_error() -> None:
     found = feed(new_filter(), drive)
     pairs = zip(tilt_errors(drive, found, GAP), found[GAP:], strict=True)
     assert all(e is not None and error < 3.0 * e.sigma_tilt_rad for error, e in pairs)
+
+
+@pytest.mark.parametrize("lost", [{"f_b": ZERO}, {"w_b": ZERO, "clipped": True}])
+def test_a_window_in_the_air_begins_behind_what_shows_no_motion(lost: dict[str, Any]) -> None:
+    drive = without_samples(accelerating(55.0, 41), GAP, GAP + 400)
+    samples = list(drive.flight.samples)
+    for number in range(GAP + 20, GAP + 120):
+        samples[number] = samples[number]._replace(**lost)
+    broken = Drive(drive.flight._replace(samples=samples), drive.v_n)
+    errors = tilt_errors(broken, feed(new_filter(), broken), GAP)
+    assert errors[0] > 20.0 * DEG
+    assert max(errors[300:]) < 1.0 * DEG
 
 
 @pytest.mark.parametrize("law", [sway, turning])
