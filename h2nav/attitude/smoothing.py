@@ -34,6 +34,7 @@ from h2nav.attitude.samples import (
 )
 from h2nav.attitude.velocity_aided.batch import PreparedSamples, trust_of
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
+from h2nav.attitude.velocity_aided.shell import MAX_RATE_RAD_S
 from h2nav.maths import columns
 from h2nav.maths.columns import Quats, each, larger
 from h2nav.maths.quaternion import conjugate, multiply, rotate
@@ -381,7 +382,7 @@ def _changes(lasting: Placed[LastingInput]) -> Iterator[tuple[int, LastingInput]
 
 
 def _run(chosen: AttitudeFilter, piece: _Piece) -> Smoothed:
-    """A run's results; its rates where those of the samples are not used."""
+    """A run's results."""
     step = compiled_step(VELOCITY_AIDED)
     # Filters of another kind, or in Python, are called sample by sample.
     if step is None or type(chosen) is not VelocityAidedFilter or not is_in_c(chosen.kernel_state):
@@ -394,6 +395,7 @@ def _run(chosen: AttitudeFilter, piece: _Piece) -> Smoothed:
         return _told(chosen, piece, None)
     found.q_nb[:, prepared.are_taken] = taken[:4]
     found.bias_b[:, prepared.are_taken] = taken[4:7]
+    found.w_b[:, prepared.are_taken] = piece.samples.gyr[prepared.are_taken].T - taken[4:7]
     found.trust[prepared.are_taken] = trust_of(taken[7])
     found.sigma_tilt_rad[prepared.are_taken] = taken[8]
     found.sigma_heading_rad[prepared.are_taken] = taken[9]
@@ -487,12 +489,12 @@ def _without(piece: _Piece, learnt: _Learnt) -> _Piece:
 
 def _timely(m_b_ut: Floats, w_b: Floats, late_s: float) -> Floats:
     """(N, 3) fields at the times of the samples that carried them."""
-    # No sensor has a rate of half a turn within the delay.
+    # A filter refuses what is not finite. No sensor has a rate of half a turn within the delay.
     with np.errstate(invalid="ignore"):
         is_slow = late_s * each(math.hypot, *w_b.T) < math.pi
-    x, y, z = w_b[is_slow].T
-    (a, b, c), turn = m_b_ut[is_slow].T, columns.exp((-late_s * x, -late_s * y, -late_s * z))
-    m_b_ut[is_slow] = np.stack(rotate(turn, (a, b, c)), axis=1)
+        x, y, z = w_b[is_slow].T
+        (a, b, c), turn = m_b_ut[is_slow].T, columns.exp((-late_s * x, -late_s * y, -late_s * z))
+        m_b_ut[is_slow] = np.stack(rotate(turn, (a, b, c)), axis=1)
     return m_b_ut
 
 
@@ -541,7 +543,7 @@ def _of_samples(found: Smoothed, samples: BatchSamples, bias_b: Vec3, direction:
     """
     bias = np.array(bias_b)[:, None] + direction * found.bias_b
     w_b = samples.gyr.T - bias
-    is_used = np.isfinite(np.abs(w_b[0]) + np.abs(w_b[1]) + np.abs(w_b[2]))
+    is_used = np.abs(w_b[0]) + np.abs(w_b[1]) + np.abs(w_b[2]) < MAX_RATE_RAD_S
     w_b = np.where(is_used, w_b, direction * found.w_b)
     return found._replace(t_us=samples.t_us, w_b=w_b, bias_b=bias)
 

@@ -383,11 +383,12 @@ def test_bad_samples_never_make_a_nan() -> None:
     for name in ("velocity_aided", "velocity_aided_integer"):
         found = smooth([given(samples, TOLD)], FILTERS[name])[0]
         numbers = [
-            (*each.q_nb, *each.bias_b, each.sigma_tilt_rad, each.sigma_heading_rad)
+            (*each.q_nb, *each.w_b, *each.bias_b, each.sigma_tilt_rad, each.sigma_heading_rad)
             for each in found
             if each is not None
         ]
         assert len(numbers) > 1990
+        assert all(math.hypot(*row[4:7]) < 1.0 for row in numbers)
         assert all(math.isfinite(number) for row in numbers for number in row)
         assert all(abs(math.hypot(*row[:4]) - 1.0) < 1e-6 for row in numbers)
         assert worst(tilt_deg, found, flight.q_nb) < 3.0
