@@ -42,7 +42,8 @@ def filter_array(
         gyr: (N, 3) angular rate, rad/s, body FRD.
         acc: (N, 3) specific force, m/s^2, body FRD.
         mag: (N, 3) field, microtesla, body FRD; rows with NaN have no field; None for none.
-        dt: time since the previous sample, s: one number or (N,); rounded to microseconds in sum.
+        dt: time since the previous sample, of the first one since the filter's time zero, s: one
+            number or (N,); rounded to microseconds in sum.
         attitude_filter: any filter; those with a compiled kernel run in it.
         explains: also return deviations and trust, which costs a quarter more.
 

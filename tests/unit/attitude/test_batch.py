@@ -205,6 +205,9 @@ def test_two_halves_are_the_whole(recording: Recording, make: Callable[[], Attit
     t_us = attitude_filter.state().values[0]
     assert t_us == 5_000_000
     assert np.array_equal(first.q_nb, whole.q_nb[:500], equal_nan=True)
+    steps_s = np.array([5.01, *[0.01] * 399])
+    second = batch.filter_array(gyr[500:], acc[500:], mag[500:], steps_s, attitude_filter)
+    assert np.array_equal(second.q_nb, whole.q_nb[500:])
 
 
 def test_backend_follows_the_switch(monkeypatch: pytest.MonkeyPatch) -> None:
