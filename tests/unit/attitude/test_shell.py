@@ -498,6 +498,16 @@ def test_a_state_in_the_middle_of_fixes_goes_on():
         assert other.update(sample) == one.update(sample), number
 
 
+@pytest.mark.parametrize("made", [new_filter, new_integer_filter])
+def test_a_filter_without_a_sample_of_its_own_goes_on_with_anothers_state(made):
+    one, other = flown(made=made), made()
+    other.restore(one.state())
+    for found in (one, other):
+        found.use_field(EarthField(47.4, 62.0 * DEG, 5.0 * DEG))
+    sample = at(one.t_us + STEP_US)
+    assert other.update(sample) == one.update(sample)
+
+
 def test_a_state_after_a_correction_loses_its_velocities_when_the_filter_does():
     one, _ = aided()
     until_us = one.aided_until_us

@@ -220,6 +220,7 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
             exact, self._g = self._g, in_c(Gains)
             copy(exact, self._g, Gains)
         s, g, u = self._state, self._g, self._sample
+        assign(u, Sample, _NOTHING)
         bound = partial(update, s, g, u) if compiled is None else compiled.bound(s, g, u)
         self._step: Callable[[], int] = bound
         reset(s, g)
