@@ -147,8 +147,8 @@ void h2nav_fill(h2nav_sample *sample, const int32_t rate[3], const int32_t force
     sample->is_held = 0;
     sample->parts = 1;
     sample->gap_us = 0;
-    /* what has no force at all is no measurement */
-    sample->clipped = (force[0] | force[1] | force[2]) == 0;
+    /* no force at all is none; the rate counts */
+    sample->clipped = (force[0] | force[1] | force[2]) == 0 ? FORCE_LOST : 0;
     sample->dt_us = dt_us > H2NAV_LONGEST_GAP_US ? H2NAV_LONGEST_GAP_US + 1 : (int32_t)dt_us;
     sample->rest_prior = H2NAV_REST_UNKNOWN;
     sample->forward_speed = H2NAV_SPEED_UNKNOWN;

@@ -151,7 +151,9 @@ def test_fill_limits_what_the_formats_do_not_hold(library: ctypes.CDLL) -> None:
     assert sample.dt_us == 1_000_001  # longer than any gap that is bridged
     assert sample.clipped == 0
     program.fill((1, 1, 1), (0, 0, 0), None, 5)
-    assert sample.clipped == 1
+    expected_by_daemon = Sample()
+    fill_sample(expected_by_daemon, ImuSample(0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
+    assert sample.clipped == expected_by_daemon.clipped == memory.FORCE_LOST
     for (variance, period_us), expected in {
         (0, 0): (1, 1),
         (-7, 0xFFFFFFFF): (1, ends("fix_period_us")[1]),
