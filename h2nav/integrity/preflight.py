@@ -49,6 +49,8 @@ TILT_RAD = 6.0 * DEG
 HEADING_RAD = 30.0 * DEG
 SPEED_M_S = 1.5
 MAX_IMUS = 3
+# A velocity and an attitude that are not repeated count for this long: the vehicle may be moved.
+STALE_US = 5_000_000
 
 
 class Item(StrEnum):
@@ -129,9 +131,10 @@ class Preflight:
         self._imus: dict[int, RestWindows] = {}
         self._earth: EarthField | None = None
         self._unused: frozenset[int] = frozenset()
+        self._now_us = 0  # time of the newest sample
         self._fast = 0.0
-        self._fixes = 0
-        self._reported: Quat | None = None
+        self._fixes = self._fix_us = 0
+        self._reported: tuple[int, Quat] | None = None
 
     def restart(self) -> None:
         """Forgets everything, after arming or for another autopilot."""
@@ -149,6 +152,7 @@ class Preflight:
         """
         t_us, w_b, f_b, m_b_ut, _ = sample
         if 0 <= imu < MAX_IMUS:
+            self._now_us = t_us
             windows = self._imus.get(imu)
             if windows is None:
                 windows = self._imus[imu] = RestWindows()
@@ -166,21 +170,36 @@ class Preflight:
         """Takes a velocity of the receiver, NED, m/s."""
         speed = math.hypot(v_n[0], v_n[1])
         if math.isfinite(speed):
-            self._fixes += 1
+            self._fixes, self._fix_us = self._fixes + 1, self._now_us
             self._fast += 0.2 * (speed - self._fast)
 
     def on_attitude(self, q_nb: Quat) -> None:
         """Takes the autopilot's own attitude."""
-        self._reported = q_nb
+        self._reported = self._now_us, q_nb
+
+    def _is_fresh(self, t_us: int) -> bool:
+        return self._now_us - t_us <= STALE_US
+
+    @property
+    def _attitude(self) -> Quat | None:
+        """The autopilot's; None while it tells none."""
+        reported = self._reported
+        return reported[1] if reported is not None and self._is_fresh(reported[0]) else None
+
+    @property
+    def _heard(self) -> dict[int, RestWindows]:
+        """The IMUs whose samples go on, by their numbers in order."""
+        imus = sorted(self._imus.items())
+        return {imu: one for imu, one in imus if one.is_heard(self._now_us)}
 
     @property
     def verdict(self) -> GroundVerdict:
         """The present result."""
         faults: list[GroundFault] = []
         judged: set[Item] = set()
-        at_rest = {imu: one.still for imu, one in sorted(self._imus.items()) if one.still}
+        at_rest = {imu: one.still for imu, one in self._heard.items() if one.still}
         sound = self._of_imus(at_rest, faults, judged)
-        for imu, one in sorted(self._imus.items()):
+        for imu, one in self._heard.items():
             if len(one.windows) == MIN_WINDOWS:
                 judged.add(Item.VIBRATION)
                 shaken = sorted(window.shaken_m_s2 for window in one.windows)[MIN_WINDOWS // 2]
@@ -190,7 +209,7 @@ class Preflight:
         if sound is not None:
             self._of_fields(down(sound), faults, judged)
             self._of_attitude(down(sound), faults, judged)
-        if at_rest and self._fixes >= MIN_FIXES:
+        if at_rest and self._fixes >= MIN_FIXES and self._is_fresh(self._fix_us):
             judged.add(Item.GPS)
             if self._fast > SPEED_M_S:
                 faults.append(GroundFault(Item.GPS, "GPS", self._fast, "m/s", SPEED_M_S))
@@ -239,7 +258,7 @@ class Preflight:
 
     def _of_fields(self, vertical: Vec3, faults: list[GroundFault], judged: set[Item]) -> None:
         """Checks the compasses against the earth's field and each other."""
-        used = {imu: one for imu, one in sorted(self._imus.items()) if imu not in self._unused}
+        used = {imu: one for imu, one in self._heard.items() if imu not in self._unused}
         fields = {imu: one.field for imu, one in used.items() if one.field is not None}
         if len(fields) > 1:
             judged.add(Item.COMPASSES_APART)
@@ -289,9 +308,10 @@ class Preflight:
         self, sound: list[Vec3], vertical: Vec3, faults: list[GroundFault], judged: set[Item]
     ) -> None:
         """Checks the autopilot's heading against the compasses, if they agree."""
-        if self._reported is None or self._earth is None or not sound:
+        reported = self._attitude
+        if reported is None or self._earth is None or not sound:
             return
-        magnetic = [rotate(self._reported, level(field, vertical)) for field in sound]
+        magnetic = [rotate(reported, level(field, vertical)) for field in sound]
         errors = sorted(
             math.remainder(math.atan2(y, x) - self._earth.declination_rad, 2.0 * math.pi)
             for x, y, _ in magnetic
@@ -305,10 +325,11 @@ class Preflight:
 
     def _of_attitude(self, vertical: Vec3, faults: list[GroundFault], judged: set[Item]) -> None:
         """Checks the autopilot's vertical against gravity."""
-        if self._reported is None:
+        reported = self._attitude
+        if reported is None:
             return
         judged.add(Item.TILT)
-        stated = rotate(conjugate(self._reported), (0.0, 0.0, 1.0))
+        stated = rotate(conjugate(reported), (0.0, 0.0, 1.0))
         angle = math.acos(min(max(dot(stated, vertical), -1.0), 1.0))
         if angle > TILT_RAD:
             limit = TILT_RAD / DEG

@@ -119,6 +119,10 @@ class RestWindows:
         has_none = not any(window.has_field for window in self.windows)
         return self.field is not None and len(self.windows) == MIN_WINDOWS and has_none
 
+    def is_heard(self, t_us: int) -> bool:
+        """Whether there is no pause between its samples and this time."""
+        return self._start_us is not None and t_us - self._start_us < 2 * REST_WINDOW_US
+
     def take(self, t_us: int, w_b: Vec3, f_b: Vec3, m_b_ut: Vec3 | None, is_raw: bool) -> None:
         """Takes a sample."""
         self.field_is_raw = is_raw

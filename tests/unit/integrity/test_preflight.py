@@ -138,3 +138,32 @@ def test_a_force_that_moves_at_rest_is_the_accelerometers():
     assert stand(3.0, pushed, 4.2) == [(Item.ACCELEROMETER, 3.0)]
     assert stand(30.0, pushed, 7.2) == [(Item.ACCELEROMETER, 3.0)]
     assert stand(4.0, REST, 37.2) == []
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_what_is_heard_no_more_is_not_held_against_a_vehicle_that_was_moved(goes_on):
+    """Streams of a second IMU and of the autopilot's attitude are given up on a slow link."""
+    preflight = Preflight()
+    preflight.on_earth(EARTH)
+
+    def stand(start_s, imus, f_b, field):
+        for count in range(3 * RATE_HZ):
+            t_us = round(1e6 * start_s) + count * 1_000_000 // RATE_HZ
+            for imu in imus:
+                preflight.on_sample(imu, ImuSample(t_us, (0.0, 0.0, 0.0), f_b, field))
+
+    def tell():
+        preflight.on_attitude((1.0, 0.0, 0.0, 0.0))
+        for _ in range(15):
+            preflight.on_velocity((2.0, 0.0, 0.0))
+        return {fault.item for fault in preflight.verdict.faults}
+
+    stand(0.0, (0, 1), REST, NORTH)
+    assert tell() == {Item.GPS}
+    stand(8.5, (0,), (0.0, 1.5, -9.694), (0.0, -LEVEL_UT, DOWN_UT))
+    if goes_on:
+        assert tell() == {Item.GPS, Item.TILT, Item.HEADING}
+    verdict = preflight.verdict
+    assert bool(verdict.faults) == goes_on
+    assert Item.COMPASS in verdict.judged
+    assert not {Item.COMPASSES_APART, Item.ACCELEROMETERS_APART} & verdict.judged
