@@ -234,8 +234,8 @@ def swept(moment: Moment) -> tuple[Level, Level, Level]:
     """Velocity of a point 1 m away along each axis of the body, m/s, north and east."""
     q_nb = multiply(moment.q_ns, moment.q_sb)
     x, y, z = moment.rate_b
-    forward, right, down = (rotate(q_nb, v) for v in ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-    return forward[:2], right[:2], down[:2]
+    forward, right, down = (0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)
+    return rotate(q_nb, forward)[:2], rotate(q_nb, right)[:2], rotate(q_nb, down)[:2]
 
 
 def change_of_velocity(first: Moment, last: Moment) -> Vec3:
