@@ -49,8 +49,7 @@ class TwistObserver:
         self._settings = settings or TwistObserverSettings()
         self._gains: FiniteTimeGains = self._settings.gains
         self._integrates = self._settings.velocity == "integrated"
-        chosen = self._settings.pose_frame
-        self._frame = None if chosen == "auto" else PoseFrame(chosen)
+        self._frame = self._chosen_frame
         self._delay_us = round(self._settings.pose_delay_ms * 1e3)
         self._history_us = round(self._settings.history_ms * 1e3)
         self._now: RigidState | None = None
@@ -69,6 +68,11 @@ class TwistObserver:
         self._reset_counter = 0
         self.counts: Counter[str] = Counter()  # number of each `PoseVerdict` and `ObserverEvent`
         self._renew_sigmas()
+
+    @property
+    def _chosen_frame(self) -> PoseFrame | None:
+        chosen = self._settings.pose_frame
+        return None if chosen == "auto" else PoseFrame(chosen)
 
     @property
     def velocity(self) -> str:
@@ -112,10 +116,14 @@ class TwistObserver:
         self._fix = Fix(state.t_us, state.p_o, quaternion.IDENTITY, 2)
 
     def restart(self) -> None:
-        """Forgets time, pose and velocity (new epoch, long gap); keeps the estimated biases."""
+        """Forgets time, pose, its frame and velocity (new epoch, long gap, another source).
+
+        The estimated biases stay.
+        """
         if self._fix is not None:
             self._reset_counter += 1
         self._now = self._anchor = self._fix = self._last_t_us = None
+        self._frame = self._chosen_frame
         self._samples.clear()
         self._waiting.clear()
         self._rotation, self._position = Innovations(), Innovations()

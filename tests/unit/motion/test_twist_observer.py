@@ -316,6 +316,23 @@ def test_a_clock_that_begins_anew_restarts_with_the_learnt_bias():
     check(pairs[-1], 1e-5, 1e-5, 1e-5)
 
 
+@pytest.mark.parametrize(
+    ("chosen", "verdict"),
+    [("auto", PoseVerdict.STARTED), ("local_frd", PoseVerdict.WRONG_FRAME)],
+)
+def test_another_source_may_have_another_frame_unless_one_is_chosen(chosen, verdict):
+    observer = TwistObserver(TwistObserverSettings(velocity="measured", pose_frame=chosen))
+    level = PoseSample(10_000, quaternion.IDENTITY, ZERO)
+    ned = level._replace(t_us=20_000, frame=PoseFrame.LOCAL_NED)
+    observer.use_twist(TwistSample(10_000, ZERO, ZERO))
+    assert observer.use_pose(level) is PoseVerdict.STARTED
+    observer.use_twist(TwistSample(20_000, ZERO, ZERO))
+    assert observer.use_pose(ned) is PoseVerdict.WRONG_FRAME
+    observer.restart()
+    observer.use_twist(TwistSample(20_000, ZERO, ZERO))
+    assert observer.use_pose(ned) is verdict
+
+
 def test_an_imu_gap_restarts_from_the_next_pose():
     observer = TwistObserver(MEASURED)
     run(observer, 5.0)
