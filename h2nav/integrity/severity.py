@@ -32,7 +32,7 @@ class Severity(IntEnum):
         """From a number or a word of any version of a log; None for anything else."""
         if isinstance(value, str):
             return next((each for each in cls if each.word == value), None)
-        return next((each for each in cls if each == value and value is not True), None)
+        return next((each for each in cls if each == value), None)
 
 
 _ON_PAGES = {
