@@ -157,7 +157,7 @@ class Estimation:
     @property
     def imu_message(self) -> ImuMessage | None:
         """The message in use."""
-        return self._sent.imu_message if self._sent else None
+        return self._sent.intake.message if self._sent else None
 
     @property
     def is_independent(self) -> bool:
@@ -196,12 +196,12 @@ class Estimation:
         if sent is None:
             return NO_DOUBT
         # The force of a sensor that is known to be wrong speaks for nobody.
-        may_be_bent = sent.sensor_is_bad or sent.monitor.may_be_bent
+        may_be_bent = sent.trust.sensor_is_bad or sent.monitor.may_be_bent
         return OwnDoubt(may_be_bent, sent.monitor.corrections, self._tilts_apart_rad)
 
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
-        return self._sent.objections(t_ns) if self._sent else ()
+        return self._sent.intake.objections(t_ns) if self._sent else ()
 
     def alarms(self) -> list[Alarm]:
         """Alarms of the attitude that is sent, and of the sensors of every IMU."""
@@ -228,7 +228,7 @@ class Estimation:
 
     def why_no_samples(self, t_ns: int) -> Objection | None:
         """What is wrong with the latest readings; None if there were none."""
-        return self._sent.why_no_samples(t_ns) if self._sent else None
+        return self._sent.trust.why_no_samples(t_ns) if self._sent else None
 
     def lost_imus(self, comes: Callable[[int], bool]) -> Iterator[str]:
         """IMUs besides the one sent that were heard and are not, for people.
@@ -279,7 +279,7 @@ class Estimation:
         if route is not None and t_ns < route[0]:
             return bool(route[1])
         for lane in self._lanes:
-            lane.wake(t_ns)
+            lane.trust.wake(t_ns)
         return bool(self._takers(t_ns, message_id))
 
     def _takers(self, t_ns: int, message_id: int) -> Takers:
@@ -307,10 +307,10 @@ class Estimation:
         is_numbered = message_id in NUMBERED_IDS
         named = reading.imu if is_numbered else None
         for lane, need in takers:
-            if named is not None and named != lane.imu and lane.ignores_others:
+            if named is not None and named != lane.imu and lane.intake.ignores_others:
                 continue
             before = lane.newest
-            message = lane.imu_message if is_numbered or need is Need.IDENTITY else None
+            message = lane.intake.message if is_numbered or need is Need.IDENTITY else None
             step = lane.take(incoming, need)
             newest = lane.newest
             if self._are_several and newest is not None and newest is not before:
@@ -326,7 +326,7 @@ class Estimation:
             steps[lane] = step
             if not self._before_arming.is_armed:
                 seen = newest or step.sample  # with a field that the filter does not use
-                self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.field_is_raw)
+                self._before_arming.on_sample(lane.imu, seen, field_is_raw=lane.intake.field_is_raw)
         is_asked_anew = self.routes.get(message_id, NO_ROUTE)[0] <= t_ns
         if is_asked_anew and any(need is Need.SAMPLE for _, need in takers):
             self.routes.clear()  # the reading has made this message the one in use
@@ -357,7 +357,7 @@ class Estimation:
             message: in use before it.
         """
         is_refused = step.sample is None and step is not NOT_ITS_OWN and need is not Need.IDENTITY
-        if need is not Need.FIELD and (is_refused or lane.imu_message is not message):
+        if need is not Need.FIELD and (is_refused or lane.intake.message is not message):
             self.routes.clear()
 
     def _hear_again(self, t_ns: int) -> None:
@@ -371,8 +371,8 @@ class Estimation:
     def refuse(self, t_ns: int, message_id: int, reason: str) -> None:
         """Counts a rejected reading for which `on_arrival` was True."""
         for lane, _ in self._takers(t_ns, message_id)[:1]:
-            lane.refuse(t_ns, reason)
-            if lane.is_refused and lane is not self._sent:
+            lane.trust.refuse(t_ns, reason)
+            if lane.trust.is_refused and lane is not self._sent:
                 lane.rest(t_ns)
                 self.routes.clear()
 
@@ -483,7 +483,7 @@ class Estimation:
 
     def _choose_lender(self, t_ns: int) -> None:
         """Chooses whose field the IMUs without a compass take."""
-        self._without_compass = tuple(lane for lane in self._lanes if lane.wants_field(t_ns))
+        self._without_compass = tuple(lane for lane in self._lanes if lane.lent.is_wanted(t_ns))
         lenders = (lane for lane in self._lanes if lane.may_lend(t_ns))
         self._lender = next(lenders, None) if self._without_compass else None
 
@@ -491,7 +491,7 @@ class Estimation:
         """Passes a new field to the IMUs without a compass."""
         if newest.m_b_ut is not None:
             for lane in self._without_compass:
-                lane.lend(t_ns, newest.m_b_ut, lender.imu)
+                lane.lent.lend(t_ns, newest.m_b_ut, lender.imu)
 
     def _vote(self) -> None:
         """Compares the sensors of all lanes."""
@@ -544,7 +544,7 @@ class Estimation:
             for lane in lanes
             if lane.newest is not None
             and lane.newest.m_b_ut is not None
-            and not lane.field_is_raw
+            and not lane.intake.field_is_raw
             and abs(lane.newest.t_us - newest.t_us) <= SAME_TIME_US
         }
         fits = {lane.imu: lane.monitor.field_fits for lane in lanes}
@@ -554,7 +554,7 @@ class Estimation:
         self._field_voting.look(t_ns // 1000, fields)
         wrong = compasses.wrong | self._field_voting.frozen
         for lane in self._lanes:
-            lane.use_verdict(lane.compass in wrong, compasses.doubt_rad(lane.compass))
+            lane.use_verdict(lane.lent.of in wrong, compasses.doubt_rad(lane.lent.of))
             if lane is not sent:
                 lane.drop_heading()
 
@@ -564,8 +564,8 @@ class Estimation:
             if (lane is not sent or lane.is_lost) and lane.may_begin_anew(t_ns):
                 is_sound = (
                     lane is not sent
-                    and not sent.sensor_is_bad
-                    and not sent.needs_restart
+                    and not sent.trust.sensor_is_bad
+                    and not sent.trust.needs_restart
                     and not sent.is_silent(t_ns)
                 )
                 lane.begin_as(sent if is_sound else None)
@@ -611,7 +611,7 @@ class Estimation:
         return "it contradicts the field" if turns_apart else "its attitude is off"
 
     def _record(self, lane: Lane, sent: Lane) -> LaneRecord:
-        row = lane.imu_message
+        row = lane.intake.message
         tilt, heading = _apart(lane, sent)
         return LaneRecord(
             lane.imu + 1,

@@ -26,7 +26,6 @@ from h2nav.integrity.sensor_pairs import InertialSensor
 from h2nav.integrity.voting import Suspicion, Verdict
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
 from h2nav.service.autopilot import Identity
-from h2nav.service.health import Objection
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.intake import NEW_EPOCHS, Incoming, Intake, Need
 from h2nav.service.lane_selection import Condition
@@ -38,7 +37,6 @@ from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.sensor_delays import SensorTiming
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.trust import LaneTrust
-from h2nav.wire.imu import ImuMessage
 
 FilterFor = Callable[[Identity], AttitudeFilter]
 SILENT_NS = ImuChoice.SILENT_NS
@@ -99,6 +97,13 @@ class Lane:
         identity: of the vehicle.
         settings: of the streams and their known delays.
         count: counts rejected readings, by reason.
+
+    Attributes:
+        intake: its messages, their clock, and the source of its field.
+        lent: the field of another IMU's compass, if it has none of its own.
+        trust: what was refused of it, and whether its filter has to restart.
+        monitor: of filter and sensors, anew with each epoch.
+        timing: the delays of its sensors.
     """
 
     def __init__(
@@ -115,17 +120,15 @@ class Lane:
         self._wanted_hz = settings.imu_rate_hz
         lends = settings.imu_message == "auto"
         self._wanted_id = messages.message_ids[0]
-        self._intake = Intake(messages, identity.autopilot, lends=lends)
-        # A reading that names another IMU tells nothing here.
-        self.ignores_others = self._intake.ignores_others
-        self._lent = LentField(self.imu)
-        self._trust = LaneTrust(count)
+        self.intake = Intake(messages, identity.autopilot, lends=lends)
+        self.lent = LentField(self.imu)
+        self.trust = LaneTrust(count)
         self._uneven = UnevenSteps()
         self._bias = OwnBias()
         self._resting, self._gravity_m_s2 = RestForce(), GRAVITY_M_S2
         self._on_ground = False
         speeds = FIXED_WING_SPEEDS if identity.is_fixed_wing else OTHER_SPEEDS
-        self._monitor = Monitor(self.sensor, speeds)
+        self.monitor = Monitor(self.sensor, speeds)
         self._ends = RangeEnds()
         self.timing = SensorTiming(settings, identity)  # delays of the sensors
         self._velocity_is_dependent = False
@@ -144,21 +147,16 @@ class Lane:
         self.compass_is_wrong = False  # its field shows a wrong north, and is not used
         self.heading_is_wrong = False  # the filter still has the heading of such a field
         self._doubt_rad = 0.0
-        self._rated = _rated(self._monitor.ratios)
+        self._rated = _rated(self.monitor.ratios)
         self._verdict = Verdict()
         self._told_verdict: Verdict | None = None  # the monitor knows of it
 
     # --- what is known ------------------------------------------------------------------------
 
     @property
-    def imu_message(self) -> ImuMessage | None:
-        """The message in use."""
-        return self._intake.message
-
-    @property
     def stream_id(self) -> int:
         """The message in use, or else the one requested for it, of which nothing may be usable."""
-        message = self._intake.message
+        message = self.intake.message
         return self._wanted_id if message is None else message.message_id
 
     @property
@@ -181,14 +179,9 @@ class Lane:
         return extrapolated(filtered, self.timing.delays.gyro_s)
 
     @property
-    def monitor(self) -> Monitor:
-        """The monitor of filter and sensors."""
-        return self._monitor
-
-    @property
     def dependent_source(self) -> str:
         """The source of dependence on the autopilot's own estimator; empty = none."""
-        intake = self._intake
+        intake = self.intake
         if intake.bias_is_removed and intake.message is not None:
             return intake.message.name
         if self._velocity_is_dependent:
@@ -196,53 +189,25 @@ class Lane:
         return "the field of HIGHRES_IMU" if intake.has_lent else ""
 
     @property
-    def sensor_is_bad(self) -> bool:
-        """Whether a sensor is known to be faulty."""
-        return self._trust.sensor_is_bad
-
-    @property
-    def needs_restart(self) -> bool:
-        """Whether the filter has to restart, if possible with the attitude of another lane."""
-        return self._trust.needs_restart
-
-    @property
     def ratio(self) -> float:
         """Test ratio of gyro and accelerometer: fails above 1, infinite = known to be faulty."""
-        return math.inf if self._trust.sensor_is_bad else self._worst_ratios.inertial
-
-    @property
-    def field_is_raw(self) -> bool:
-        """Whether its field is the sensor's, not calibrated."""
-        return self._intake.field_is_raw
-
-    @property
-    def compass(self) -> int:
-        """The number of the IMU whose compass is in use."""
-        return self._lent.of
-
-    def wants_field(self, t_ns: int) -> bool:
-        """Whether its IMU has no compass of its own."""
-        return self._lent.is_wanted(t_ns)
+        return math.inf if self.trust.sensor_is_bad else self._worst_ratios.inertial
 
     def may_lend(self, t_ns: int) -> bool:
         """Whether its own compass is there and sound."""
-        is_sound = not self._monitor.field_is_frozen and not self.compass_is_wrong
-        return is_sound and not self.field_is_raw and self._lent.may_be_lent(t_ns)
-
-    def lend(self, t_ns: int, field: Vec3, of: int) -> None:
-        """Takes the field of another IMU's compass for the next sample."""
-        self._lent.lend(t_ns, field, of)
+        is_sound = not self.monitor.field_is_frozen and not self.compass_is_wrong
+        return is_sound and not self.intake.field_is_raw and self.lent.may_be_lent(t_ns)
 
     def may_be_right(self, t_ns: int) -> bool:
         """Whether nothing is known against its attitude."""
-        if self._filtered is None or self.needs_restart or self.is_silent(t_ns):
+        if self._filtered is None or self.trust.needs_restart or self.is_silent(t_ns):
             return False
-        return not (self.sensor_is_bad or self._verdict.wrong)
+        return not (self.trust.sensor_is_bad or self._verdict.wrong)
 
     @property
     def is_resting(self) -> bool:
         """Whether the stream is not used as a lane: a duplicate, or nothing of it is usable."""
-        return self._trust.rests_until_ns is not None
+        return self.trust.rests_until_ns is not None
 
     def is_silent(self, t_ns: int) -> bool:
         """Whether samples are missing although the link carries others."""
@@ -253,7 +218,7 @@ class Lane:
     @property
     def is_left(self) -> bool:
         """Whether the autopilot flies on another IMU, and few samples of this one come."""
-        return self._intake.is_left and self._gap_ns * ENOUGH_RATE * self._wanted_hz > SECOND_NS
+        return self.intake.is_left and self._gap_ns * ENOUGH_RATE * self._wanted_hz > SECOND_NS
 
     def is_missing(self, t_ns: int) -> bool:
         """Whether it has had samples in this run, and none comes although others do."""
@@ -264,7 +229,7 @@ class Lane:
     @property
     def lost(self) -> str:
         """Why nothing of a stream that was usable is any more; empty if it is."""
-        return self._trust.lost if self._was_used else ""
+        return self.trust.lost if self._was_used else ""
 
     def condition(self, t_ns: int, sent: "Lane", *, is_reported: bool) -> Condition:
         """The inputs of the selection for this lane.
@@ -276,10 +241,10 @@ class Lane:
         """
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or sent.is_left or self.rate_hz >= enough_hz
-        vibration_m_s2 = self._monitor.vibration_m_s2
+        vibration_m_s2 = self.monitor.vibration_m_s2
         filtered = self._filtered
         return Condition(
-            filtered is not None and not self.needs_restart and has_rate,
+            filtered is not None and not self.trust.needs_restart and has_rate,
             self.is_silent(t_ns) or self.is_left,
             self.ratio,
             self._worst_ratios.field,
@@ -293,10 +258,10 @@ class Lane:
 
     def alarms(self, is_sent: bool) -> list[Alarm]:
         """Its alarms; only those of its sensors if it is not sent."""
-        found = self._monitor.alarms(self._intake.newest_us or 0)
+        found = self.monitor.alarms(self.intake.newest_us or 0)
         if self._verdict.wrong:
             found = tuple(alarm for alarm in found if alarm.kind not in BY_VELOCITY)
-        if self._lent.is_lent:
+        if self.lent.is_lent:
             # That is said of the IMU whose compass it is.
             found = tuple(alarm for alarm in found if alarm.kind is not Kind.COMPASS_FROZEN)
         if is_sent:
@@ -310,7 +275,7 @@ class Lane:
 
     def frozen_parts(self) -> tuple[InertialSensor, ...]:
         """Its sensors that are faulty by their own values."""
-        if not self._monitor.sensor_is_bad:
+        if not self.monitor.sensor_is_bad:
             return ()
         faults = self.faults()
         return tuple(
@@ -320,69 +285,57 @@ class Lane:
     @property
     def suspicion(self) -> Suspicion:
         """What contradicts its attitude."""
-        return Suspicion(self._monitor.ratios, self._monitor.force_error is not None)
+        return Suspicion(self.monitor.ratios, self.monitor.force_error is not None)
 
     @property
     def _worst_ratios(self) -> "_Rated":
         """The worst of the monitor's ratios, which change less often than they are asked for."""
-        if self._rated.of is not self._monitor.ratios:
-            self._rated = _rated(self._monitor.ratios)
+        if self._rated.of is not self.monitor.ratios:
+            self._rated = _rated(self.monitor.ratios)
         return self._rated
-
-    def objections(self, t_ns: int) -> tuple[Objection, ...]:
-        """Lasting objections to the samples."""
-        return self._intake.objections(t_ns)
-
-    def why_no_samples(self, t_ns: int) -> Objection | None:
-        """What is wrong with the latest readings; None if there were none."""
-        return self._trust.why_no_samples(t_ns)
 
     # --- readings -----------------------------------------------------------------------------
 
     def need(self, t_ns: int, message_id: int) -> Need:
         """What this message is needed for now; asked before it is decoded."""
-        return Need.NONE if self._trust.rests(t_ns) else self._intake.need(t_ns, message_id)
+        return Need.NONE if self.trust.rests(t_ns) else self.intake.need(t_ns, message_id)
 
     def needs_until_ns(self, message_id: int, need: Need) -> int:
         """The host time until which an answer of `need` holds, if nothing happens to the lane."""
-        rests_until_ns = self._trust.rests_until_ns
+        rests_until_ns = self.trust.rests_until_ns
         if rests_until_ns is not None:
             return rests_until_ns
-        return self._intake.needs_until_ns(message_id, need)
-
-    def wake(self, t_ns: int) -> None:
-        """Ends a rest that is over."""
-        self._trust.wake(t_ns)
+        return self.intake.needs_until_ns(message_id, need)
 
     def idle_until_ns(self, message_id: int) -> int:
         """The host time until which a message that is not needed stays so."""
-        rests_until_ns = self._trust.rests_until_ns
+        rests_until_ns = self.trust.rests_until_ns
         if rests_until_ns is not None:
             return rests_until_ns
-        return self._intake.idle_until_ns(message_id)
+        return self.intake.idle_until_ns(message_id)
 
     def take(self, incoming: Incoming, need: Need) -> Step:
         """Takes a reading; `need` is the answer to whether it is needed."""
-        verdict, sample = self._intake.take(incoming, need)
+        verdict, sample = self.intake.take(incoming, need)
         t_ns, event = incoming.t_ns, None
         if sample is None:
             if verdict is not None:
-                self._trust.refuse(t_ns, verdict.value)
+                self.trust.refuse(t_ns, verdict.value)
                 return NO_STEP
             return NOT_ITS_OWN if need is SAMPLE else NO_STEP
         if verdict is not NEXT and verdict in NEW_EPOCHS:
             self.event = event = verdict
             self._begin_epoch()
         self.newest = sample
-        usable, is_accused = self._usable(t_ns, self._lent.choose(t_ns, sample))
+        usable, is_accused = self._usable(t_ns, self.lent.choose(t_ns, sample))
         if usable is None:
             return ACCUSED if is_accused else NO_STEP
         ages, t_us = incoming.reading.ages, usable.t_us
-        if self.timing.sampled(t_us, field_is_raw=self._intake.field_is_raw, ages=ages):
+        if self.timing.sampled(t_us, field_is_raw=self.intake.field_is_raw, ages=ages):
             self.use(self.timing.delays)
         even = self._uneven.as_even(usable, self.timing.period_s)
         bias, known = self._bias, even
-        if self._monitor.force_is_withheld:
+        if self.monitor.force_is_withheld:
             known = even._replace(f_b=NO_FORCE)
         elif bias.pushes:
             known = bias.felt(even)
@@ -412,18 +365,9 @@ class Lane:
         if found is not None:
             self._bias.rest(found)
 
-    def refuse(self, t_ns: int, reason: str) -> None:
-        """Counts a rejected reading."""
-        self._trust.refuse(t_ns, reason)
-
-    @property
-    def is_refused(self) -> bool:
-        """Whether nothing of its stream is usable."""
-        return self._trust.is_refused
-
     def rest(self, t_ns: int) -> None:
         """Stops using this stream as a lane for a while."""
-        self._trust.rest(t_ns)
+        self.trust.rest(t_ns)
         self.last_used_ns = self.newest = self._filtered = None
 
     def resume(self, t_ns: int) -> None:
@@ -447,7 +391,7 @@ class Lane:
             if not self._on_ground:
                 self._resting.interrupt()
         pass_on(self._filter, what)
-        pass_on(self._monitor, what)
+        pass_on(self.monitor, what)
 
     def use_gravity(self, gravity_m_s2: float) -> None:
         """Takes the local gravity."""
@@ -455,16 +399,16 @@ class Lane:
 
     def _use_velocity(self, fix: VelocityFix) -> None:
         """Has the monitor look at it first."""
-        if self._intake.newest_us is not None:
+        if self.intake.newest_us is not None:
             self._velocity_is_dependent |= not fix.independent
-            fix = self._monitor.corrected(fix)
-            doubt = self._monitor.fix(fix, self._bias.errors(self._filter.sensor_errors))
+            fix = self.monitor.corrected(fix)
+            doubt = self.monitor.fix(fix, self._bias.errors(self._filter.sensor_errors))
             if doubt is not None:
                 if doubt.correction is not None:
                     is_outvoted = InertialSensor.GYRO in self._verdict.wrong
                     self._bias.correct(doubt.correction, is_outvoted=is_outvoted)
                 self._filter.doubt(doubt)
-            if not self._monitor.velocity_is_false:
+            if not self.monitor.velocity_is_false:
                 self._filter.use_velocity(fix)
 
     def use_verdict(self, compass_is_wrong: bool, doubt_rad: float) -> None:
@@ -478,11 +422,11 @@ class Lane:
         if verdict is self._told_verdict:
             return
         self._verdict = self._told_verdict = verdict
-        self._monitor.use_agreed(
+        self.monitor.use_agreed(
             gyro=InertialSensor.GYRO in verdict.agreed,
             accelerometer=InertialSensor.ACCELEROMETER in verdict.agreed,
         )
-        self._monitor.use_differing_force(InertialSensor.ACCELEROMETER in verdict.apart)
+        self.monitor.use_differing_force(InertialSensor.ACCELEROMETER in verdict.apart)
 
     def use_moved_zero(self, moved: Vec3) -> None:
         """Takes by how much its gyro's zero has moved, rad/s."""
@@ -491,7 +435,7 @@ class Lane:
     def drop_heading(self) -> None:
         """Resets a filter with the heading of a wrong field; only while it is not sent."""
         if self.heading_is_wrong:
-            self._trust.require_restart()
+            self.trust.require_restart()
             self.heading_is_wrong = False
 
     def judge(self, t_ns: int) -> None:
@@ -499,27 +443,27 @@ class Lane:
         if t_ns - self._counted_ns >= SECOND_NS:
             self.rate_hz = self._counted * 1e9 / (t_ns - self._counted_ns)
             self._counted_ns, self._counted = t_ns, 0
-        self.is_lost = self._monitor.attitude_is_lost
+        self.is_lost = self.monitor.attitude_is_lost
         if self.is_lost:
-            self._trust.require_restart()
-        is_bad = self._monitor.sensor_is_bad or bool(self._verdict.wrong)
-        self._trust.judge(t_ns, sensor_is_bad=is_bad)
-        if is_bad or self._filtered is None or self.needs_restart:
+            self.trust.require_restart()
+        is_bad = self.monitor.sensor_is_bad or bool(self._verdict.wrong)
+        self.trust.judge(t_ns, sensor_is_bad=is_bad)
+        if is_bad or self._filtered is None or self.trust.needs_restart:
             return
         if self.ratio < CALM_RATIO:
             self._bias.learn(t_ns, self._filtered.bias_b)
 
     def may_begin_anew(self, t_ns: int) -> bool:
         """Whether the filter needs a restart, and its sensors have been good again for a while."""
-        return self._trust.is_good_again(t_ns) and not self.is_silent(t_ns)
+        return self.trust.is_good_again(t_ns) and not self.is_silent(t_ns)
 
     def begin_as(self, other: "Lane | None") -> None:
         """Restarts as a lane that can be trusted, otherwise with an alignment.
 
         The filter takes over the state of the other one, but keeps its own gyro's bias.
         """
-        self._trust.renew()
-        self._monitor.renew()
+        self.trust.renew()
+        self.monitor.renew()
         self._bias.forget_found()
         if other is None or other._filtered is None:
             self._filter.restart()
@@ -528,40 +472,40 @@ class Lane:
         self._filter.use_delays(self.timing.delays)
         self._bias.take_over(other._bias, other._filtered.bias_b)
         taken = other._filtered
-        self._monitor.open(taken.sigma_tilt_rad, taken.sigma_heading_rad)
+        self.monitor.open(taken.sigma_tilt_rad, taken.sigma_heading_rad)
 
     def _begin_epoch(self) -> None:
         """Aligns the filter again, keeping the estimated bias."""
         self._filter.restart()
         self._uneven.restart()
         self._bias.forget_force()
-        self._lent.restart()
+        self.lent.restart()
         self.newest = self._filtered = None
-        self._monitor, self._told_verdict = self._monitor.anew(), None
+        self.monitor, self._told_verdict = self.monitor.anew(), None
         self.timing.restart()
-        self._trust.renew()
+        self.trust.renew()
 
     def _restart(self, fault: str) -> None:
         """Restarts after a failure of the filter: the next sample begins an epoch."""
-        self._trust.fault(fault)
-        self._intake.restart()
+        self.trust.fault(fault)
+        self.intake.restart()
         self._begin_epoch()
 
     def _usable(self, t_ns: int, sample: ImuSample) -> tuple[ImuSample | None, bool]:
         """What the filter may use of a sample, and whether a sensor has just proved faulty."""
-        monitor = self._monitor
+        monitor = self.monitor
         use, is_at_end = monitor.check(sample), self._ends.holds(sample)
         before, self._use = self._use, use
         is_accused = use is not ALL and use is not before
         if use is NONE:
-            self._trust.refuse(t_ns, "frozen")
+            self.trust.refuse(t_ns, "frozen")
             return None, is_accused
         if before is NONE:
             self._filter.restart()
             monitor.restart()
         self._counted += 1
-        if self._trust.refusals or self._trust.lost:
-            self._trust.accept()
+        if self.trust.refusals or self.trust.lost:
+            self.trust.accept()
         self._gap_ns = t_ns - (self.last_used_ns or t_ns)
         self.last_used_ns, self._was_used = t_ns, True
         has_field = not monitor.field_is_frozen and not self.compass_is_wrong
@@ -576,7 +520,7 @@ class Lane:
         if not math.isfinite(w + x + y + z + p + q + r):
             self._restart("non_finite_estimate")
             return None
-        filtered = self._monitor.add(sample, filtered)
+        filtered = self.monitor.add(sample, filtered)
         of_sensors_rad, doubt_rad = self._verdict.open_rad, self._doubt_rad
         if of_sensors_rad == 0.0 and doubt_rad == 0.0:
             return filtered

@@ -189,7 +189,7 @@ def test_of_a_frozen_gyro_nothing_is_used_and_the_filter_restarts_after_it(bench
     assert (step.sample, step.filtered, step.is_accused) == (None, None, True)
     assert bench.take() == lane_module.NO_STEP
     assert bench.counted == ["frozen"] * 2
-    assert bench.lane.why_no_samples(bench.t_ns).cause == "frozen"
+    assert bench.lane.trust.why_no_samples(bench.t_ns).cause == "frozen"
     assert not bench.filter.named("restart")
     bench.monitor.use = Use.ALL
     assert bench.take().sample is not None
@@ -298,7 +298,7 @@ def test_a_heading_of_a_wrong_field_stays_doubted_until_it_is_dropped(bench):
     assert lane.heading_is_wrong
     assert bench.take().filtered.sigma_heading_rad > 0.4
     lane.drop_heading()
-    assert lane.needs_restart
+    assert lane.trust.needs_restart
     assert not lane.heading_is_wrong
     lane.use_verdict(True, 0.4)  # that is known: no heading of it any more
     assert not lane.heading_is_wrong
@@ -307,7 +307,7 @@ def test_a_heading_of_a_wrong_field_stays_doubted_until_it_is_dropped(bench):
 
 def test_a_sound_heading_is_not_dropped(bench):
     bench.lane.drop_heading()
-    assert not bench.lane.needs_restart
+    assert not bench.lane.trust.needs_restart
 
 
 @pytest.mark.parametrize("agreed", [(), (GYRO,), (ACCELEROMETER,), (GYRO, ACCELEROMETER)])
@@ -350,7 +350,7 @@ def test_which_alarms_are_told(bench, wrong, lent, is_sent, kept):
     bench.monitor.found = ALARMS
     bench.lane.use_votes(Verdict(wrong=frozenset({GYRO} if wrong else ())))
     if lent:
-        bench.lane.lend(0, FIELD, 0)
+        bench.lane.lent.lend(0, FIELD, 0)
     found = bench.lane.alarms(is_sent)
     assert [one.kind for one in found] == [ALARMS[place].kind for place in kept]
     assert any(one.degrades for one in found) is is_sent
@@ -478,9 +478,9 @@ def test_a_filter_fed_with_bad_samples_for_a_second_restarts_once_they_are_good(
     else:
         bench.monitor.sensor_is_bad = True
     bench.judged(start_ns)
-    assert bench.lane.sensor_is_bad
+    assert bench.lane.trust.sensor_is_bad
     bench.judged(start_ns + round(bad_s * 1e9))
-    assert bench.lane.needs_restart is restarts
+    assert bench.lane.trust.needs_restart is restarts
     bench.monitor.sensor_is_bad = False
     bench.lane.use_votes(Verdict())
     bench.judged(start_ns + 2 * SECOND_NS)
@@ -505,9 +505,9 @@ def test_a_stream_of_which_nothing_is_usable_is_lost_if_it_was_usable(bench):
     bench.run()
     bench.monitor.use = Use.NONE
     for _ in range(REFUSALS):
-        assert not bench.lane.is_refused
+        assert not bench.lane.trust.is_refused
         bench.take()
-    assert bench.lane.is_refused
+    assert bench.lane.trust.is_refused
     assert bench.lane.lost
     bench.monitor.use = Use.ALL
     bench.take()
@@ -517,7 +517,7 @@ def test_a_stream_of_which_nothing_is_usable_is_lost_if_it_was_usable(bench):
 def test_a_stream_that_never_was_usable_is_not_lost(bench):
     bench.monitor.use = Use.NONE
     bench.run(REFUSALS + 5)
-    assert bench.lane.is_refused
+    assert bench.lane.trust.is_refused
     assert bench.lane.lost == ""
 
 
@@ -533,11 +533,11 @@ def test_a_stream_rests_for_a_minute(bench):
     assert bench.lane.need(end_ns - 1, SCALED2) is Need.NONE
     assert bench.lane.needs_until_ns(SCALED2, Need.NONE) == end_ns
     assert bench.lane.idle_until_ns(SCALED2) == end_ns
-    bench.lane.wake(end_ns - 1)
+    bench.lane.trust.wake(end_ns - 1)
     assert bench.lane.is_resting
-    bench.lane.wake(end_ns)
+    bench.lane.trust.wake(end_ns)
     assert not bench.lane.is_resting
-    assert bench.lane.needs_restart
+    assert bench.lane.trust.needs_restart
     assert bench.lane.need(end_ns, SCALED2) is Need.SAMPLE
 
 
@@ -628,7 +628,7 @@ def test_a_lane_begins_as_another_one_with_its_own_bias(monkeypatch):
     assert state == other.filter.state()
     assert own.filter.named("restart") == []
     assert len(own.filter.named("use_delays")) == 1
-    assert not own.lane.needs_restart
+    assert not own.lane.trust.needs_restart
     assert len(own.monitor.named("renew")) == 1
 
 
