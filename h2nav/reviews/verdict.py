@@ -1,6 +1,7 @@
 """The verdict on a flight in one to four sentences, from the chain of findings."""
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +95,7 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
         if one.kind is Kind.LOSS_OF_CONTROL and one.severity <= Severity.WARNING
         if one.cause is None or _path(one, of_vehicle)
     ]
-    missing = (*(f"{name} ({why})" for name, why in analysis.blind), *_unread(flight.context))
+    blind = (*analysis.blind, *_unread(flight.context))
     if crashes:
         text = _crashed(flight, analysis, crashes, of_vehicle)
     elif lost:
@@ -103,22 +104,30 @@ def verdict(flight: Flight, analysis: Analysis, links: Chain) -> FlightVerdict:
         ending = _ending(flight.context, analysis.ending)
         # Nor where a crash may be in what was not read.
         is_open = bool(crash_checks(flight.context) or _unread(flight.context))
-        text = _flown(of_vehicle, ending, analysis.looked_at, bool(missing), is_open=is_open)
+        text = _flown(of_vehicle, ending, analysis.looked_at, bool(blind), is_open=is_open)
     receivers = [gps for gps in flight.context.gps if len(gps.t_s)]
     if receivers and flight.context.armed and not any(gps.has_fix.any() for gps in receivers):
         text += " The GPS never had a fix."
-    if missing:
-        text += f" Not looked at: {', '.join(missing)}."
-    return FlightVerdict(text, analysis.looked_at, missing)
+    if blind:
+        text += f" Not looked at: {_unseen(blind)}."
+    return FlightVerdict(text, analysis.looked_at, tuple(f"{name} ({why})" for name, why in blind))
 
 
-def _unread(context: Context) -> tuple[str, ...]:
+def _unseen(blind: Sequence[tuple[str, str]]) -> str:
+    """What could not be looked at, and each reason once."""
+    names: dict[str, list[str]] = {}
+    for name, why in blind:
+        names.setdefault(why, []).append(name)
+    return ", ".join(f"{_listed(some)} ({why})" for why, some in names.items())
+
+
+def _unread(context: Context) -> tuple[tuple[str, str], ...]:
     """How much of the IMU was left out for its times: a clock that goes back hides what follows."""
     lost = sum(count for note, count in context.notes.items() if WRONG_TIMES.match(note))
     share = lost / max(lost + sum(len(track.t_s) for track in context.imus), 1)
     if share < UNREAD_SHARE:
         return ()
-    return (f"{share:.0%} of the IMU's rows (their times do not fit)",)
+    return ((f"{share:.0%} of the IMU's rows", "their times do not fit"),)
 
 
 # --- a crash ------------------------------------------------------------------------------------

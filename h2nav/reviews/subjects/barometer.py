@@ -85,4 +85,4 @@ def _doubted(evidence: FlightEvidence) -> tuple[Span, ...]:
     return (Span(min(wrong_s), math.inf, "doubted"),) if wrong_s else ()
 
 
-SUBJECT = ReviewSubject("barometer", KINDS, (needs.times, needs.barometer), look)
+SUBJECT = ReviewSubject("barometer", KINDS, (needs.times, needs.barometer, needs.armed), look)

@@ -36,4 +36,4 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     return detect_battery(evidence.of(parts.recorded))
 
 
-SUBJECT = ReviewSubject("battery", KINDS, (needs.times, needs.battery), look)
+SUBJECT = ReviewSubject("battery", KINDS, (needs.times, needs.battery, needs.armed), look)

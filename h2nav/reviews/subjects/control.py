@@ -67,4 +67,6 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     return without_touches(found, context, crashes)
 
 
-SUBJECT = ReviewSubject("attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand), look)
+SUBJECT = ReviewSubject(
+    "attitude against its demand", KINDS, (*needs.ALWAYS, needs.demand, needs.armed), look
+)

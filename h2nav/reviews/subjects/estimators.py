@@ -78,4 +78,6 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     )
 
 
-SUBJECT = ReviewSubject("the autopilot's estimators", KINDS, (needs.times, needs.attitudes), look)
+SUBJECT = ReviewSubject(
+    "the autopilot's estimators", KINDS, (needs.times, needs.attitudes, needs.armed), look
+)

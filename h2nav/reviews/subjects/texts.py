@@ -109,4 +109,6 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     return detect_texts(evidence.of(parts.recorded))
 
 
-SUBJECT = ReviewSubject("texts of the autopilot", KINDS, (needs.times, needs.texts), look)
+SUBJECT = ReviewSubject(
+    "texts of the autopilot", KINDS, (needs.times, needs.texts, needs.armed), look
+)

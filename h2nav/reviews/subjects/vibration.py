@@ -82,4 +82,4 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     return found
 
 
-SUBJECT = ReviewSubject("vibration", KINDS, (needs.imu, needs.vibration), look)
+SUBJECT = ReviewSubject("vibration", KINDS, (*needs.ALWAYS, needs.vibration, needs.armed), look)

@@ -96,6 +96,19 @@ def test_a_recording_without_anything_names_what_could_not_be_looked_at():
     assert "motors" not in blind.looked_at
 
 
+@pytest.mark.parametrize(
+    ("kind", "why", "looked_at"),
+    [("dataflash", "never armed", {"IMUs", "compasses", "GPS"}),
+     ("bytes", "no times of arrival", set())],
+)  # fmt: skip
+def test_what_is_looked_at_while_it_is_armed_alone(kind, why, looked_at):
+    made = flight(armed=())
+    evidence = FlightEvidence(made._replace(kind=kind))
+    told = {subject.name: subject.lacks(evidence) for subject in SUBJECTS if subject.is_told}
+    assert {name for name, lacks in told.items() if not lacks} == looked_at
+    assert told["vibration"] == told["the autopilot's estimators"] == why
+
+
 def test_an_autopilot_that_said_nothing_may_not_have_been_heard():
     silent = flight()
     assert "texts of the autopilot" in dict(analyse(silent).blind)

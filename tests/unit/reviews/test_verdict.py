@@ -70,6 +70,11 @@ def said(*found, speed_m_s=np.nan, tilt_deg=0.0, own=(), looked=LOOKED, blind=()
         ((), {"blind": (("receiver", "not recorded"), ("battery", "too short"))},
          f"Nothing was found wrong in what could be looked at. Looked at: {LOOKED[0]}, battery. "
          "Not looked at: receiver (not recorded), battery (too short)."),
+        # each reason once
+        ((), {"blind": (("motors", "never armed"), ("GPS", "no receiver"), ("texts", "never armed"),
+                        ("battery", "never armed"))},
+         f"Nothing was found wrong in what could be looked at. Looked at: {LOOKED[0]}, battery. "
+         "Not looked at: motors, texts and battery (never armed), GPS (no receiver)."),
         ((OF_FIELD,), {}, "No crash. The compass was disturbed."),
         ((OF_FIELD,), {"looked": ("battery",)}, "The compass was disturbed."),
         ((OF_FIELD,), {"own": ("compass_field.30",), "looked": ("battery",)},
