@@ -147,7 +147,7 @@ def detect_compass(
         )
         found += _constant(track.imu, usual, fit, change, is_raw=is_raw)
     if fit is not None:
-        found += _motors(track.imu, usual, fit, is_current=context.throttle is None)
+        found += _motors(track.imu, usual, fit, context)
     return shown, _sectors(track.imu, usual, fit), found
 
 
@@ -588,19 +588,37 @@ def _change(compass: int, fit: Fit, context: Context, *, is_raw: bool) -> str:
     return f"add ({-x:+.0f}, {-y:+.0f}, {-z:+.0f}) to ArduPilot's COMPASS_OFS, or calibrate anew"
 
 
-def _motors(compass: int, rows: SentFields, fit: Fit, *, is_current: bool) -> list[Finding]:
+def compensation(compass: int, motor_ut: Array, context: Context) -> str:
+    """ArduPilot's setting against a field of the motors, which adds to what it compensates.
+
+    Args:
+        motor_ut: (3,) per full throttle, or per ampere where no throttle was recorded.
+    """
+    own, lever = context.parameters, 2.0 if context.throttle is None else 1.0
+    in_use = own.get("COMPASS_MOTCT", 0.0)
+    if in_use not in (0.0, lever):
+        return f"ArduPilot compensates by COMPASS_MOTCT {in_use:.0f}: run compassmot anew"
+    name = f"COMPASS_MOT{compass + 1 if compass else ''}"
+    values = (
+        (own.get(f"{name}_{axis}", 0.0) if in_use else 0.0) - change
+        for axis, change in zip("XYZ", motor_ut * MG_PER_UT, strict=True)
+    )
+    shown = ", ".join(f"{value:+.1f}" for value in values)
+    return f"ArduPilot: COMPASS_MOTCT {lever:.0f}, {name} ({shown})"
+
+
+def _motors(compass: int, rows: SentFields, fit: Fit, context: Context) -> list[Finding]:
     """The effect of throttle, or current, on the field."""
     if not fit.has_motor or not fit.is_sure(6, 9):
         return []
     norm = float(np.median(rows.norm_ut))
-    motor = fit.x[6:]
+    motor, is_current = fit.x[6:], context.throttle is None
     most = float(np.nanmax(rows.throttle)) if is_current else 1.0
     share = float(np.linalg.norm(motor)) * most / norm
     if share < MOTOR_SHARE:
         return []
-    x, y, z = -motor * MG_PER_UT
     size = float(np.linalg.norm(motor)) * most * MG_PER_UT
-    per = "per ampere" if is_current else "at full throttle"
+    where = "the largest current" if is_current else "full throttle"
     return [
         Finding(
             Kind.COMPASS_MOTORS,
@@ -611,9 +629,9 @@ def _motors(compass: int, rows: SentFields, fit: Fit, *, is_current: bool) -> li
             size,
             "mG",
             f"motors change the field by {size:.0f} mG",
-            f"{share:.0%} of the earth's field at {'the largest current' if is_current else per}; "
-            f"ArduPilot: COMPASS_MOTCT {2 if is_current else 1}, COMPASS_MOT ({x:+.1f}, {y:+.1f}, "
-            f"{z:+.1f}); {MOTOR_SHARE:.0%} are usual, {MOTOR_BAD_SHARE:.0%} too much",
+            f"{share:.0%} of the earth's field at {where}; "
+            f"{compensation(compass, motor, context)}; {MOTOR_SHARE:.0%} are usual, "
+            f"{MOTOR_BAD_SHARE:.0%} too much",
         )
     ]
 

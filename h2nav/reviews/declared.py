@@ -8,7 +8,7 @@ Evidence is a function of the evidence below it. `FlightEvidence.of` works each 
 it is first asked for: there is no order to keep.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Flag, auto
 from typing import Any, NamedTuple, TypeVar
 
@@ -67,6 +67,14 @@ class Declared(NamedTuple):
     traits: Trait = Trait.NONE
     shown_by: str = ""  # for docs/review-findings.md: the evidence
     limit: str = ""  # likewise: from which size on
+
+
+def numbered(what: str, numbers: Sequence[int]) -> str:
+    """``motor 1``, ``motors 1 and 2`` or ``compasses 1, 2 and 3``; without numbers the name."""
+    if len(numbers) < 2:
+        return " ".join((what, *map(str, numbers)))
+    plural = f"{what}es" if what.endswith("s") else f"{what}s"
+    return f"{plural} {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
 class FlightEvidence:

@@ -13,7 +13,7 @@ from h2nav.recordings.motor_outputs import ON_THE_GROUND
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.chain import Chain
 from h2nav.reviews.control import WITHOUT_ATTITUDE
-from h2nav.reviews.declared import Trait
+from h2nav.reviews.declared import Trait, numbered
 from h2nav.reviews.estimators import RELEASED
 from h2nav.reviews.evidence import Ending
 from h2nav.reviews.flight import Flight
@@ -274,15 +274,9 @@ def _state(context: Context, t_s: float, text: str) -> str:
         numbers = [number for number, share in shares if share > LIMIT_SHARE]
         if numbers:
             whose = "its" if len(numbers) == 1 else "their"
-            parts.append(f"{_motors(numbers)} at {whose} limit")
+            parts.append(f"{numbered('motor', numbers)} at {whose} limit")
     said = ", ".join(parts)
     return f"{said[:1].upper()}{said[1:]}." if parts else ""
-
-
-def _motors(numbers: list[int]) -> str:
-    if len(numbers) == 1:
-        return f"motor {numbers[0]}"
-    return f"motors {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
 def _until(crash: Finding, found: list[Finding]) -> str:
@@ -425,7 +419,7 @@ def _phrase(one: Finding) -> str:
         alone = f"motor {one.sensor.number}"
         said = said.replace(f"{alone} was", f"{alone} were")
         said = said.replace(f"{alone} at its", f"{alone} at their")
-        said = said.replace(alone, _motors(list(one.sensor.numbers)))
+        said = said.replace(alone, numbered("motor", one.sensor.numbers))
     return said
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from h2nav.maths.units import DEG
 from h2nav.recordings.context import Context
 from h2nav.reviews.flight import Flight
+from h2nav.reviews.inertial import rate_of
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, FINE, Columns
 from h2nav.reviews.pictures.picture import Dash, Lines, Section, Trace
@@ -67,4 +68,4 @@ def rate_lines(context: Context, columns: Columns) -> tuple[Lines, ...]:
 
 
 def _shows_rates(t_s: np.ndarray) -> bool:
-    return len(t_s) > 1 and len(t_s) - 1 >= MIN_RATE_HZ * float(t_s[-1] - t_s[0])
+    return len(t_s) > 1 and rate_of(t_s) >= MIN_RATE_HZ

@@ -8,7 +8,7 @@ from h2nav.integrity.kinds import Meaning
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.compass import detect_compass, strangeness
 from h2nav.reviews.dead_compass import detect_dead
-from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait, numbered
 from h2nav.reviews.subjects import needs
 from h2nav.reviews.tracks import CompassFit, FieldTrack
 
@@ -16,11 +16,9 @@ from h2nav.reviews.tracks import CompassFit, FieldTrack
 def _stepped(one: Finding) -> str:
     if len(one.sensor.numbers) < 2:
         return "a magnetic disturbance came or went"
-    numbers = one.sensor.listed.replace(", ", " and ")
     return (
-        f"compasses {numbers} changed together at {one.from_s:.0f} s, while the attitude by gyro "
-        f"and "
-        "velocity stayed"
+        f"{numbered('compass', one.sensor.numbers)} changed together at {one.from_s:.0f} s, while "
+        "the attitude by gyro and velocity stayed"
     )
 
 
@@ -34,7 +32,7 @@ KINDS = (
             "The compass measured nothing: no heading is possible with it.",
             words.SENSOR,
         ),
-        phrase=lambda one: f"compass {one.sensor.listed} measured nothing",
+        phrase=lambda one: f"{numbered('compass', one.sensor.numbers)} measured nothing",
         section="compass",
         traits=Trait.INDEPENDENT | Trait.EACH,
         shown_by="rows that never change, from first to last; it is not examined further",

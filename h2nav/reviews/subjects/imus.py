@@ -4,7 +4,7 @@ from h2nav.integrity import words
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity
 from h2nav.integrity.kinds import AnyKind, Meaning
 from h2nav.reviews import evidence as parts
-from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait
+from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject, Trait, numbered
 from h2nav.reviews.gyro_scale import detect_gyro_scale
 from h2nav.reviews.standstill import detect_rest
 from h2nav.reviews.subjects import needs
@@ -20,7 +20,8 @@ KINDS = (
             words.BIAS,
         ),
         phrase=lambda one: (
-            f"gyro {one.sensor.listed} turned at {one.size:.0f} deg/s while it stood still"
+            f"{numbered('gyro', one.sensor.numbers)} turned at {one.size:.0f} deg/s while it stood "
+            "still"
         ),
         section="bias",
         traits=Trait.INDEPENDENT | Trait.EACH,
@@ -41,7 +42,8 @@ KINDS = (
             words.BIAS,
         ),
         phrase=lambda one: (
-            f"accelerometer {one.sensor.listed} was off by {0.1 * one.size:.0f} % at rest"
+            f"{numbered('accelerometer', one.sensor.numbers)} "
+            f"{'were' if one.sensor.others else 'was'} off by {0.1 * one.size:.0f} % at rest"
         ),
         section="bias",
         traits=Trait.INDEPENDENT | Trait.EACH,

@@ -13,9 +13,9 @@ from reviewed_flights import (
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
-from h2nav.recordings.context import Array, Series
+from h2nav.recordings.context import Array, Context, Series
 from h2nav.reviews.analysis import Analysis, analyse
-from h2nav.reviews.compass import detect_compass
+from h2nav.reviews.compass import compensation, detect_compass
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.inertial import best_attitude
 
@@ -181,6 +181,30 @@ def test_motors_that_change_the_field_are_told_with_the_compensation():
     # ArduPilot adds throttle * COMPASS_MOT.
     values = found.evidence.split("COMPASS_MOT (")[1].split(")")[0].split(", ")
     np.testing.assert_allclose([float(v) for v in values], -10.0 * motor, atol=30.0)
+
+
+X, Y, Z = (f"COMPASS_MOT_{axis}" for axis in "XYZ")
+
+
+@pytest.mark.parametrize(
+    ("compass", "own", "has_throttle", "told"),
+    [
+        (0, {}, True, "ArduPilot: COMPASS_MOTCT 1, COMPASS_MOT (-20.0, +0.0, +30.0)"),
+        (0, {}, False, "ArduPilot: COMPASS_MOTCT 2, COMPASS_MOT (-20.0, +0.0, +30.0)"),
+        (1, {}, True, "ArduPilot: COMPASS_MOTCT 1, COMPASS_MOT2 (-20.0, +0.0, +30.0)"),
+        # what is compensated already is not in the field
+        (0, {"COMPASS_MOTCT": 1.0, X: 5.0, Y: -7.0, Z: -40.0}, True,
+         "ArduPilot: COMPASS_MOTCT 1, COMPASS_MOT (-15.0, -7.0, -10.0)"),
+        (0, {"COMPASS_MOTCT": 0.0, X: 5.0}, True,
+         "ArduPilot: COMPASS_MOTCT 1, COMPASS_MOT (-20.0, +0.0, +30.0)"),
+        (0, {"COMPASS_MOTCT": 2.0, X: 5.0}, True,
+         "ArduPilot compensates by COMPASS_MOTCT 2: run compassmot anew"),
+    ],
+)  # fmt: skip
+def test_a_compensation_adds_to_the_one_that_is_set(compass, own, has_throttle, told):
+    throttle = Series(np.zeros(1), np.zeros(1)) if has_throttle else None
+    context = Context(parameters=own, throttle=throttle)
+    assert compensation(compass, np.array([2.0, 0.0, -3.0]), context) == told
 
 
 def test_residuals_per_heading_fall_with_the_fit():

@@ -20,14 +20,18 @@ from h2nav.reviews.inertial import (
     logarithm,
     means,
     noise,
+    rate_of,
     rotate,
     runs,
     slowed,
     thinned,
     turns,
+    unbroken,
     unit,
     within,
 )
+
+PLACES = (0, 1, 2, 4, 5, 6, 7)
 
 G = 9.80665
 
@@ -243,6 +247,31 @@ def test_spans_and_runs():
     assert joined(runs(is_so), times, 2.0) == [(0, 1), (3, 3), (6, 6)]
     assert joined(runs(is_so), times, 2.1) == [(0, 3), (6, 6)]
     assert joined(runs(is_so), times, 3.6) == [(0, 6)]
+
+
+@pytest.mark.parametrize(
+    ("longest_s", "pieces"),
+    [(3.0, [(0, 2), (4, 7)]), (2.9, [(0, 1), (2, 2), (4, 7)]), (0.9, [(n, n) for n in PLACES])],
+)
+def test_what_was_not_logged_breaks_a_run(longest_s, pieces):
+    t_s = np.array([0.0, 1.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+    is_so = np.isin(np.arange(8), PLACES)
+    assert unbroken(is_so, t_s, longest_s) == pieces
+
+
+@pytest.mark.parametrize(
+    ("steps_s", "hz"),
+    [
+        ([0.1] * 50, 10.0),
+        ([0.1] * 25 + [500.0] + [0.1] * 25, 10.0),
+        ([0.1] * 25 + [1.0] + [0.1] * 25, 51.0 / 6.0),  # what is lost is no pause
+        ([5.0] * 20, 0.2),  # seldom, and never silent
+        ([5.0] * 10 + [16.0] + [5.0] * 10, 0.2),
+        ([5.0] * 10 + [14.0] + [5.0] * 10, 21.0 / 114.0),
+    ],
+)
+def test_a_pause_makes_no_samples_seldom(steps_s, hz):
+    assert rate_of(np.cumsum([3.0, *steps_s])) == pytest.approx(hz)
 
 
 def test_means_between_times():

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from known_evidence import imu_track
 from made_flight import (
     FINDINGS,
     GPS_LOST,
@@ -20,11 +21,13 @@ from made_flight import (
 )
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.recordings.context import Context, Said, Span
+from h2nav.recordings.context import Context, Said, Series, Span
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.document import document
 from h2nav.reviews.flight import EarthFields, Flight, Ratios
 from h2nav.reviews.page import duration, page
+from h2nav.reviews.pictures.columns import COARSE, Columns
+from h2nav.reviews.pictures.control import rate_lines
 from h2nav.reviews.subjects import KINDS
 
 NOTHING = np.zeros(0)
@@ -414,6 +417,16 @@ def test_an_attitude_from_a_gyro_that_turns_at_rest_is_not_shown(made):
         assert "is not shown" not in text_of(html)
     half = page_of(flight._replace(findings=(turned._replace(to_s=300.0),)), analysis)
     assert 'id="difference"' in half
+
+
+@pytest.mark.parametrize(("step_s", "is_shown"), [(0.1, True), (0.2, False)])
+def test_rates_are_drawn_beside_their_demand_if_they_are_logged_often(step_s, is_shown):
+    t_s = np.arange(0.0, 20.0, step_s)
+    t_s[t_s > 10.0] += 1000.0  # two flights in one log
+    demand = Series(t_s, np.zeros((len(t_s), 3)))
+    context = Context(duration_s=1020.0, imus=(imu_track(t_s),), demanded_rates=demand)
+    for picture in rate_lines(context, Columns(context.duration_s, COARSE)):
+        assert [one.label for one in picture.traces] == ["gyro 1"] * is_shown + ["demand"]
 
 
 def test_what_was_not_looked_at_stands_apart_below_the_verdict():

@@ -54,6 +54,26 @@ def test_a_kind_of_a_flight_is_known_by_its_name_like_any_other():
     assert Kind.CRASH != kind != FlightKind("crash")
 
 
+@pytest.mark.parametrize(
+    ("kind", "numbers", "said"),
+    [
+        (Kind.GYRO_BIAS, (2,), "gyro 2 turned at 7 deg/s while it stood still"),
+        (Kind.GYRO_BIAS, (1, 3), "gyros 1 and 3 turned at 7 deg/s while it stood still"),
+        (Kind.GYRO_BIAS, (), "gyro turned at 7 deg/s while it stood still"),
+        (Kind.ACCELEROMETER_SCALE, (1,), "accelerometer 1 was off by 1 % at rest"),
+        (Kind.ACCELEROMETER_SCALE, (1, 2), "accelerometers 1 and 2 were off by 1 % at rest"),
+        (Kind.COMPASS_DEAD, (1, 2, 3), "compasses 1, 2 and 3 measured nothing"),
+        (Kind.COMPASS_STEP, (1,), "a magnetic disturbance came or went"),
+        (Kind.COMPASS_STEP, (1, 2, 3), "compasses 1, 2 and 3 changed together at 5 s, while the "
+         "attitude by gyro and velocity stayed"),
+    ],
+)  # fmt: skip
+def test_one_sensor_or_several_in_a_sentence(kind, numbers, said):
+    sensor = Sensor(SensorKind.IMU, next(iter(numbers), None), numbers[1:])
+    one = Finding(kind, sensor, Severity.ERROR, 5.0, 9.0, 7.0, "", "", "")
+    assert KINDS[kind].phrase(one) == said
+
+
 def test_evidence_is_worked_out_once():
     asked = []
 
