@@ -25,6 +25,8 @@ STICK_LOW, STICK_LOW_BY_RATE = 0.2, 0.4
 LOW_SHARE = 0.7
 # Of a descent that ends at this speed: as long as a fall to it takes, at the least.
 LONGEST_S, SHORTEST_S = 10.0, 0.5
+# Of a longer time without samples nobody knows what was asked for.
+UNKNOWN_S = 2.0
 
 KINDS = (
     Declared(
@@ -77,7 +79,10 @@ def _commanded(crash: Impact, bins: Bins, context: Context) -> Finding | None:
     lasted = crash.t_s - from_s
     if lasted < max(SHORTEST_S, crash.speed_m_s / 9.81):
         return None
-    share = float(np.median(bins.driven[(bins.t_s > from_s) & (bins.t_s < crash.t_s)]))
+    inside = (bins.t_s > from_s) & (bins.t_s < crash.t_s)
+    if np.diff([from_s, *bins.t_s[inside], crash.t_s]).max() > UNKNOWN_S:
+        return None
+    share = float(np.median(bins.driven[inside]))
     usual = float(np.median(flown))
     return Finding(
         FLOWN_INTO_GROUND,
@@ -113,10 +118,15 @@ def _sticks(context: Context, from_s: float, to_s: float) -> str:
     if sticks is None:
         return ""
     near = (sticks.t_s >= from_s) & (sticks.t_s <= to_s)
-    if not near.any():
-        return ""
-    throttle, pitch = (float(np.nanmedian(v[near])) for v in (sticks.throttle, sticks.pitch))
-    return f"; sticks: throttle at {throttle:.0%}, pitch at {pitch:+.0%}"
+    shown = [
+        f"{name} at {float(np.nanmedian(values[near])):{form}}"
+        for name, values, form in (
+            ("throttle", sticks.throttle, ".0%"),
+            ("pitch", sticks.pitch, "+.0%"),
+        )
+        if np.isfinite(values[near]).any()
+    ]
+    return f"; sticks: {', '.join(shown)}" if shown else ""
 
 
 SUBJECT = ReviewSubject("the pilot's demand", KINDS, (needs.times, needs.imu), look, is_told=False)

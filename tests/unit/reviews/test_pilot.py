@@ -27,6 +27,7 @@ def found_in(
     stopped=(),
     until_s=AT_S,
     unknown_stick=False,
+    silent_s=(0.0, 0.0),
 ):
     """What is found of a crash after a descent.
 
@@ -36,10 +37,12 @@ def found_in(
         throttle: of the stick then, usually half; None if it was not recorded.
         stopped: when all motors stopped.
         until_s: to when it was low.
+        silent_s: between these times there are no samples.
     """
     bins = flying_bins(40.0)
     low = (bins.t_s > AT_S - low_s + 0.05) & (bins.t_s < until_s)
     bins.driven[low] = output
+    bins = bins.part((bins.t_s < silent_s[0]) | (bins.t_s > silent_s[1]))
     sticks = None
     if throttle is not None:
         lowered = (AT_S - low_s < STICKS_S) & (until_s > STICKS_S)
@@ -72,6 +75,8 @@ def test_what_is_told():
     )
     (found,) = found_in()
     assert found.evidence.endswith("was 50%")
+    (found,) = found_in(throttle=0.1, unknown_stick=True)
+    assert found.evidence.endswith("was 50%; sticks: pitch at -25%")
 
 
 @pytest.mark.parametrize(
@@ -102,6 +107,10 @@ def test_what_is_told():
         # until the crash, which filters smear over what is just before it
         ({"until_s": AT_S - 0.2}, True),
         ({"until_s": AT_S - 0.5}, False),
+        # as far as anyone knows
+        ({"low_s": 4.0, "silent_s": (27.05, 28.85)}, True),
+        ({"low_s": 4.0, "silent_s": (27.05, 29.05)}, False),
+        ({"silent_s": (1.0, 31.0)}, False),
         # not by motors that stopped
         ({"stopped": (29.0,)}, False),
         ({"stopped": (31.0,)}, True),
