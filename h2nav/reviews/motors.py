@@ -16,7 +16,7 @@ from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ChangedSetting, Context, Motors, Span
 from h2nav.reviews.impacts import BIN_S, TURNED_RAD, Bins, Impact, in_flight, turned_before
-from h2nav.reviews.inertial import Mask, joined, runs, unbroken, within
+from h2nav.reviews.inertial import Mask, joined, unbroken, within
 from h2nav.reviews.vertical import Climb, climbs
 
 # Level flight, where the outputs are steady: this much of it in total.
@@ -230,13 +230,11 @@ def _saturated(
     found: list[Finding] = []
     t_s = outputs.bins.t_s
     for column, number in enumerate(motors.numbers):
-        at_limit = (outputs.share[:, column] > LIMIT_SHARE) & outputs.flies
-        groups = _groups(
-            [p for p in runs(at_limit) if t_s[p[1]] - t_s[p[0]] + BIN_S >= LIMIT_S], t_s
-        )
         if number in known:
             continue
-        for pieces in groups:
+        at_limit = (outputs.share[:, column] > LIMIT_SHARE) & outputs.flies
+        times = unbroken(at_limit, t_s, LONG_LIMIT_S)
+        for pieces in _groups([p for p in times if t_s[p[1]] - t_s[p[0]] + BIN_S >= LIMIT_S], t_s):
             longest = max(float(t_s[last] - t_s[first] + BIN_S) for first, last in pieces)
             end_s = t_s[pieces[-1][1]]
             leads = any(0.0 < impact.t_s - end_s < LEADS_S for impact in impacts)
@@ -362,7 +360,8 @@ def _weak(outputs: MotorOutputs, motors: Motors, context: Context) -> list[Findi
     force = np.linalg.norm(outputs.bins.f_b, axis=1)
     usual = float(np.median(force[outputs.flies]))
     for column, number in enumerate(motors.numbers):
-        pieces = runs(_alone(outputs.share, column) & outputs.flies)
+        alone = _alone(outputs.share, column) & outputs.flies
+        pieces = unbroken(alone, t_s, BEFORE_S)
         for first, last in joined(pieces, t_s, BEFORE_S):
             part = slice(first, last + 1)
             sinks = _sinks(sources, float(t_s[first]), float(t_s[last]))

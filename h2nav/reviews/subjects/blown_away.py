@@ -8,7 +8,7 @@ from h2nav.maths.units import DEG
 from h2nav.recordings.context import Array, Context, GpsTrack
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
-from h2nav.reviews.inertial import Attitudes, Mask, joined, rotate, runs, within
+from h2nav.reviews.inertial import Attitudes, Mask, joined, rotate, unbroken, within
 from h2nav.reviews.subjects import needs
 
 BLOWN_AWAY = FlightKind("blown_away")
@@ -19,6 +19,8 @@ LIMIT_SHARE = 0.85
 LASTS_S, MIN_LEAN_RAD = 8.0, 15.0 * DEG
 # Gusts let it gain ground in between.
 AGAINST_M_S, PAUSES_S = -1.0, 1.5
+# Where it went without a fix, or on the ground, is another matter.
+UNKNOWN_S = 4.0
 # A wrong heading leans into any direction.
 KNOWN_RAD = 15.0 * DEG
 
@@ -54,7 +56,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
         against_m_s < AGAINST_M_S
     )
     found = []
-    for first, last in joined(runs(is_so), gps.t_s, PAUSES_S):
+    for first, last in joined(unbroken(is_so, gps.t_s, UNKNOWN_S), gps.t_s, PAUSES_S):
         lasted_s = float(gps.t_s[last] - gps.t_s[first])
         if lasted_s < LASTS_S or np.mean(is_so[first : last + 1]) < LIMIT_SHARE:
             continue

@@ -8,7 +8,7 @@ from h2nav.integrity.kinds import FlightKind, Meaning
 from h2nav.recordings.context import SensorHealth
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.declared import Declared, FlightEvidence, ReviewSubject
-from h2nav.reviews.inertial import joined, runs, within
+from h2nav.reviews.inertial import joined, unbroken, within
 from h2nav.reviews.subjects import needs
 
 SENSOR_DEAD = FlightKind("sensor_dead")
@@ -58,7 +58,7 @@ def _dead(health: SensorHealth, evidence: FlightEvidence) -> list[Finding]:
         return []
     sensor = Sensor(SENSORS[health.kind], health.number + 1)
     found = []
-    for first, last in joined(runs(dead), health.t_s, APART_S):
+    for first, last in joined(unbroken(dead, health.t_s, APART_S), health.t_s, APART_S):
         from_s, to_s = float(health.t_s[first]), float(health.t_s[last])
         if to_s - from_s < MIN_DEAD_S:
             continue

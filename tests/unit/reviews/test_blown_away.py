@@ -88,6 +88,9 @@ def test_what_is_told():
         ({"lifted": (0.0, 28.1)}, True),
         ({"lifted": (0.0, 27.9)}, False),
         ({"has_fix": False}, False),
+        # as far as it is known where it went
+        ({"lasts_s": 12.0, "has_fix": np.abs(T_S - 26.0) > 1.7}, True),
+        ({"lasts_s": 12.0, "has_fix": np.abs(T_S - 26.0) > 2.1}, False),
         # gusts let it gain ground in between
         ({"lasts_s": 12.0, "gains_s": 1.2}, True),
         ({"lasts_s": 12.0, "gains_s": 1.6}, False),

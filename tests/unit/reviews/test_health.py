@@ -26,12 +26,21 @@ def test_a_gyro_that_the_autopilot_calls_dead_is_dead_for_that_time():
     assert "counted 188 errors" in found.evidence
 
 
-def test_half_a_second_is_told_as_such():
-    healthy = np.where((T_S > 49.95) & (T_S < 50.55), 0.0, 1.0)
-    health = (SensorHealth("gyro", 0, T_S, healthy, 0.0 * T_S),)
+@pytest.mark.parametrize(
+    ("lasts_s", "missing_s", "dead_s"),
+    [
+        (0.5, (0.0, 0.0), ["0.5"]),  # half a second is no 0 s
+        (30.0, (55.0, 59.0), ["30.0"]),
+        (30.0, (55.0, 61.0), ["5.0", "18.9"]),  # nothing is known of the time between two flights
+    ],
+)
+def test_how_long_it_was_dead(lasts_s, missing_s, dead_s):
+    t_s = T_S[(missing_s[0] + 0.05 > T_S) | (missing_s[1] + 0.05 < T_S)]
+    healthy = np.where((t_s > 49.95) & (t_s < 50.05 + lasts_s), 0.0, 1.0)
+    health = (SensorHealth("gyro", 0, t_s, healthy, 0.0 * t_s),)
     armed = (Span(0.0, DURATION_S, ""),)
-    (found,) = look(KnownEvidence({parts.recorded: Context(armed=armed, health=health)}))
-    assert "gyro 1 was dead for 0.5 s" in found.text
+    found = look(KnownEvidence({parts.recorded: Context(armed=armed, health=health)}))
+    assert [one.text.split("dead for ")[1].split(" ")[0] for one in found] == dead_s
 
 
 @pytest.mark.parametrize("said", [1.0, 0.0, np.nan])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from known_evidence import receiver_track
 
 from h2nav.integrity.findings import Kind, Sensor, SensorKind, Severity
 from h2nav.recordings.context import ChangedSetting, Context, Motors, Said, Series, Span
@@ -237,6 +238,26 @@ def test_what_was_not_logged_shows_no_motor_in_vain(missing, is_told):
     context = Context(motors=outputs, armed=FLIGHT, vehicle_type=2)
     found = detect_motors(made.part(kept), context, (), FLIGHT)
     assert [one.sensor.number for one in found if one.kind is Kind.MOTOR_FAILED] == [1] * is_told
+
+
+@pytest.mark.parametrize(("gap_s", "told"), [
+    (0.7, [Kind.MOTOR_FAILED]),
+    (2.4, []),
+])  # fmt: skip
+def test_what_was_not_logged_shows_no_motor_at_its_limit(gap_s, told):
+    """At full output for 3 s, alone, while it sinks."""
+    pwm_us = np.full((len(T_S), 4), HOVER_US)
+    pwm_us[300:330, 1] = MAX_PWM_US
+    sinks = receiver_track(T_S, (0.0, 0.0, 1.0))
+    context = Context(
+        motors=Motors((1, 2, 3, 4), T_S, pwm_us, MIN_PWM_US, MAX_PWM_US),
+        armed=FLIGHT,
+        climb_m_s=Series(T_S, np.full(len(T_S), -1.0)),
+        gps=(sinks,),
+        duration_s=60.0,
+    )
+    kept = (T_S < 30.25) | (30.25 + gap_s < T_S)
+    assert [one.kind for one in detect_motors(bins().part(kept), context, (), FLIGHT)] == told
 
 
 @pytest.mark.parametrize(("across_g", "is_told"), [(0.9, True), (1.1, False)])
