@@ -266,17 +266,23 @@ def lifted(evidence: FlightEvidence) -> tuple[Span, ...]:
         return context.armed
     if not np.ptp(np.nan_to_num(height.values)):
         return context.armed  # what never changes is not measured
+    goes_on_s = {one.to_s for one in evidence.of(paused)}
     return tuple(
-        span for span in context.armed if not _stays(height, span) or _begins_aloft(found, span)
+        span
+        for span in context.armed
+        if not _stays(height, span) or _begins_aloft(found, span, goes_on=span.from_s in goes_on_s)
     )
 
 
-def _begins_aloft(found: Bins, span: Span) -> bool:
-    """Whether the log begins in this span, and its motors carry it then."""
-    if not len(found.t_s) or span.from_s > found.t_s[0] + FLOWN_S:
-        return False
+def _begins_aloft(found: Bins, span: Span, *, goes_on: bool) -> bool:
+    """Whether its motors carry it as the log begins in this span, or goes on with it."""
     first = (found.t_s >= span.from_s) & (found.t_s < span.from_s + FLOWN_S)
-    return bool(first.any()) and not np.median(found.driven[first]) <= found.flying
+    if not first.any():
+        return False
+    driven = float(np.median(found.driven[first]))
+    if span.from_s <= found.t_s[0] + FLOWN_S:
+        return not driven <= found.flying
+    return goes_on and driven > found.flying
 
 
 def _stays(height: Series, span: Span) -> bool:

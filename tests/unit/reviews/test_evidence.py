@@ -266,11 +266,11 @@ def test_it_flew_if_two_heights_show_it_for_two_seconds(seconds, metres, vehicle
 # --- whether it left the ground ---------------------------------------------------------------
 
 
-def lifted(values, t_s=None, context=None, found=None, armed=ARMED):
+def lifted(values, t_s=None, context=None, found=None, armed=ARMED, paused=()):
     t_s = np.linspace(0.0, END_S, len(values)) if t_s is None else t_s
     context = context or Context(duration_s=END_S, armed=armed, baro_height_m=height(t_s, values))
     found = flying_bins(END_S, 0.0) if found is None else found
-    return of.lifted(Evidence({of.recorded: context, of.bins: found}))
+    return of.lifted(Evidence({of.recorded: context, of.bins: found, of.paused: paused}))
 
 
 @pytest.mark.parametrize(("metres", "is_lifted"), [(1.45, False), (1.55, True), (-1.55, True)])
@@ -324,6 +324,23 @@ def test_a_log_that_begins_aloft_shows_no_height_above_the_ground(begins_s, driv
     values = 0.01 * (np.arange(100) % 2)
     kept = lifted(values, armed=armed, found=flying_bins(END_S, driven))
     assert (kept == armed) is is_kept
+
+
+@pytest.mark.parametrize(
+    ("paused", "driven", "is_kept"),
+    [
+        ((Span(50.0, 51.2, ""),), 0.5, True),
+        ((Span(50.0, 51.2, ""),), 0.05, False),
+        ((Span(50.0, 51.2, ""),), math.nan, False),
+        ((), 0.5, False),
+    ],
+)
+def test_what_hovers_where_a_log_goes_on_has_not_landed(paused, driven, is_kept):
+    armed = (Span(0.0, 50.0, "armed"), Span(51.2, END_S, "armed"))
+    found = flying_bins(END_S)
+    found.driven[found.t_s > 50.0] = driven
+    values = np.minimum(np.arange(0.0, END_S), 20.0)
+    assert lifted(values, armed=armed, found=found, paused=paused) == armed[: 1 + is_kept]
 
 
 # --- how it ends ------------------------------------------------------------------------------
