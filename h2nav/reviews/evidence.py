@@ -285,6 +285,15 @@ def _begins_aloft(found: Bins, span: Span, *, goes_on: bool) -> bool:
     return goes_on and driven > found.flying
 
 
+def flies_on(evidence: FlightEvidence, span: Span) -> bool:
+    """Whether the log only pauses as an armed span ends, while the motors carry it."""
+    found = evidence.of(bins)
+    if found is None or span.to_s not in {one.from_s for one in evidence.of(paused)}:
+        return False
+    ends = found.driven[(found.t_s > span.to_s - ENDS_S) & (found.t_s <= span.to_s)]
+    return len(ends) > 0 and float(np.median(ends)) > found.flying
+
+
 def _stays(height: Series, span: Span) -> bool:
     inside = (height.t_s >= span.from_s) & (height.t_s <= span.to_s) & np.isfinite(height.values)
     if inside.sum() < MIN_HEIGHTS:

@@ -98,6 +98,7 @@ def landings(evidence: FlightEvidence) -> int:
         bool(flies[(bins.t_s >= span.from_s) & (bins.t_s <= span.to_s)].any())
         for span in context.armed
         if span.to_s < context.duration_s - BIN_S
+        and not parts.flies_on(evidence, span)
         and not any(span.from_s <= crash.t_s <= span.to_s for crash in evidence.of(parts.crashes))
     )
     return max(ended, len(evidence.of(_touchdowns)))

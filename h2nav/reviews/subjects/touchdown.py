@@ -62,7 +62,7 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     # What still flies when the log ends has not landed.
     flies = is_high and evidence.of(parts.ending).is_aloft
     for span in context.armed[: -1 if flies else None]:
-        last = _last(sources, height_m, span)
+        last = None if parts.flies_on(evidence, span) else _last(sources, height_m, span)
         if last is not None and all(abs(last.t_s - t_s) > APART_S for t_s in known_s):
             found.append(last)
     return [_finding(one) for one in sorted(found)]

@@ -42,7 +42,7 @@ def bins(tilt_deg=0.0, driven=0.5):
 
 
 def evidence(flies=(0.0, END_S), context=None, own_bins=None, crashes=(), receivers=(),
-             biases=(), spectra=(), touchdowns=(), has_times=True):  # fmt: skip
+             biases=(), spectra=(), touchdowns=(), has_times=True, paused=()):  # fmt: skip
     """Of a flight in some span."""
     made = bins() if own_bins is None else own_bins
     mask = (made.t_s >= flies[0]) & (made.t_s < flies[1])
@@ -55,6 +55,7 @@ def evidence(flies=(0.0, END_S), context=None, own_bins=None, crashes=(), receiv
         parts.receivers: receivers,
         parts.biases: (biases, ()),
         parts.has_times: has_times,
+        parts.paused: paused,
         module.vibration.spectra: (spectra, ()),
         module._touchdowns: list(touchdowns),
         flying: mask,
@@ -113,6 +114,15 @@ def moving(speed_m_s, t_s=SLOW_S, has_fix=True):
 def test_the_way_over_ground(receivers, way_m):
     found = distance_m(evidence(flies=(19.9, 39.8), receivers=receivers))
     assert found == pytest.approx(way_m)
+
+
+@pytest.mark.parametrize(("driven", "count"), [(0.5, 1), (0.1, 2)])
+def test_a_pause_of_the_log_in_the_air_is_no_landing(driven, count):
+    own_bins = bins()
+    own_bins.driven[(own_bins.t_s > 25.0) & (own_bins.t_s < 35.0)] = driven
+    context = Context(armed=(Span(5.0, 30.0, ""), Span(31.2, 50.0, "")), duration_s=END_S)
+    paused = (Span(30.0, 31.2, ""),)
+    assert landings(evidence(context=context, own_bins=own_bins, paused=paused)) == count
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from known_evidence import KnownEvidence, flying_bins
 from reviewed_flights import DURATION_S, flight
 
-from h2nav.recordings.context import Series
+from h2nav.recordings.context import Context, Series, Span
+from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
-from h2nav.reviews.subjects.touchdown import TOUCHDOWN
+from h2nav.reviews.subjects.touchdown import TOUCHDOWN, look
+from h2nav.reviews.vertical import Climb
 
 T_S = np.arange(0.0, DURATION_S, 0.1)
 
@@ -34,6 +37,31 @@ def test_a_log_that_ends_in_the_air_has_no_landing():
     # What descends to another height, and stays there, has not landed either.
     knots_s, heights_m = (30.0, 50.0, 100.0, 104.0, 106.0), (0.0, 20.0, 20.0, 10.5, 9.0)
     assert not touchdowns(np.interp(T_S, knots_s, heights_m))
+
+
+@pytest.mark.parametrize(("driven", "at_s"), [(0.5, [88.0]), (0.1, [20.0, 88.0])])
+def test_a_log_that_pauses_in_the_air_has_no_landing(driven, at_s):
+    """From 20 m to 10 m at 20 s, and to the ground at 90 s; the log pauses at 30 s."""
+    height_m = np.interp(T_S, (10.0, 20.0, 80.0, 90.0), (20.0, 10.0, 10.0, 0.0))
+    climb = Climb("the estimator", T_S, np.gradient(height_m, 0.1))
+    armed = (Span(0.0, 30.0, ""), Span(31.2, 100.0, ""))
+    bins = flying_bins(120.0)
+    bins.driven[(bins.t_s > 25.0) & (bins.t_s < 35.0)] = driven
+    context = Context(baro_height_m=Series(T_S, height_m), armed=armed)
+    found = look(
+        KnownEvidence(
+            {
+                parts.vertical: (climb,),
+                parts.recorded: context,
+                parts.met: [],
+                parts.crashes: [],
+                parts.ending: parts.Ending(is_aloft=False, is_moving=False),
+                parts.paused: (Span(30.0, 31.2, ""),),
+                parts.bins: bins,
+            }
+        )
+    )
+    assert [one.from_s for one in found] == pytest.approx(at_s, abs=2.0)
 
 
 @pytest.mark.parametrize(
