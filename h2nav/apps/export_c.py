@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from h2nav.translate.firmware import ExportedFirmware
     from h2nav.translate.source import KernelSource
 
+_NOT_IN_C = r'["\\]|\*/|\?\?'  # what ends a string or a comment, or is read as another character
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """See `h2nav.cli.COMMANDS`."""
@@ -43,10 +45,10 @@ def run(args: argparse.Namespace) -> int:
 
     path = gain_files.find(args.gains)
     file = gain_files.load(path)
-    if not re.fullmatch(r"[\w .+-]+", file.name):
+    if re.search(_NOT_IN_C, file.name) or not file.name.isprintable():
         raise BadInput(
-            f"{path}: name: {file.name!r} cannot stand in C; expected letters, digits, blanks and "
-            "_ . + -: name the model so, and make the file again with h2nav synthesize"
+            f'{path}: name: {file.name!r} cannot stand in C; expected one line without " \\ */ and '
+            "??: name the model so, and make the file again with h2nav synthesize"
         )
     form = _form(args.form, file.filter_name, str(path))
     image = form.image(file, str(path))
