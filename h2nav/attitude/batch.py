@@ -90,6 +90,8 @@ def samples_of(
     steps = np.broadcast_to(np.asarray(dt, dtype=np.float64), (n,))
     times = np.cumsum(steps)
     times *= 1e6  # in place, as below: new memory costs as much as the filter
+    if not np.isfinite(times[-1:]).all():
+        raise ValueError("dt must be finite everywhere")
     t_us = np.round(times, out=times).astype(np.int64)
     if not np.all(np.diff(t_us) > 0):
         raise ValueError("dt must be at least a microsecond everywhere")

@@ -1,5 +1,6 @@
 """Whole recordings: the compiled kernels give the bits that Python gives."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -232,7 +233,13 @@ def test_requiring_what_is_absent_is_an_error(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize(
-    ("shape", "dt", "message"), [((5, 2), 0.01, "shape"), ((5, 3), 0.0, "microsecond")]
+    ("shape", "dt", "message"),
+    [
+        ((5, 2), 0.01, "shape"),
+        ((5, 3), 0.0, "microsecond"),
+        ((1, 3), math.nan, "finite"),
+        ((1, 3), math.inf, "finite"),
+    ],
 )
 def test_arrays_that_do_not_fit_are_refused(
     shape: tuple[int, int], dt: float, message: str
