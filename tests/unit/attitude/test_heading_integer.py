@@ -21,6 +21,7 @@ from h2nav.attitude.velocity_aided.integer.kernel.heading import (
     turn_heading,
 )
 from h2nav.attitude.velocity_aided.integer.kernel.start import reset
+from h2nav.attitude.velocity_aided.integer.kernel.told import set_place
 from h2nav.attitude.velocity_aided.integer.memory import MAX_REJECTED, State
 from h2nav.attitude.velocity_aided.units import HEADING_UNIT_RAD
 
@@ -404,3 +405,21 @@ def test_the_heading_depends_on_theta_by_the_tilt_that_it_has_made(declination_d
     ]
     expected[3] += HEADING_UNIT_RAD * Q28
     assert s.jacobian[:] == pytest.approx(expected, abs=3e-4 * Q28 / 4.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("declination_deg", "fields_turn"),
+    [(57.0, False), (58.0, True), (-57.0, False), (-58.0, True), (170.0, True)],
+)
+def test_a_place_turns_the_heading_by_a_radian_and_its_fields_by_the_rest(
+    declination_deg, fields_turn
+):
+    g, angle = gains(), declination_deg * DEG
+    s = known(g=g)
+    s.age_us = 30_000_000
+    flat, down = NORM * math.cos(DIP) * FIELD, NORM * math.sin(DIP) * FIELD
+    parts = (flat * math.cos(angle), flat * math.sin(angle), down)
+    set_place(s, g, *map(round, parts))
+    assert s.declination == pytest.approx(angle * Q28, rel=1e-3)
+    assert s.correction[2] == pytest.approx(max(-1.0, min(1.0, angle)) * 2.0**29, rel=1e-3)
+    assert s.heading_reset == int(fields_turn)

@@ -9,6 +9,8 @@ from ..memory import LATENCY_MAX, NORM_MAX, Gains, State
 from .functions import HALF_TURN_Q28, limited, polar, signed_ratio
 from .heading import turn_heading
 
+TURNED_MOST = 1 << 28  # 1 rad, Q28: what `turn_heading` turns by
+
 
 def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     """Norm and dip become the gate's reference; a change of declination turns the heading.
@@ -40,6 +42,9 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     s.mag_new_us = 0
     if s.age_us >= 0 and s.heading_reset == 0 and s.aided == 0:
         turn_heading(s, g, change)
+        if abs(change) > TURNED_MOST:
+            # beside a pole: the fields to come give the rest
+            s.heading_reset = 1
 
 
 def remove_fix_delay(s: State, g: Gains, removed: I32) -> None:
