@@ -9,7 +9,7 @@ from ..memory import LATENCY_MAX, NORM_MAX, Gains, State
 from .functions import HALF_TURN_Q28, limited, polar, signed_ratio
 from .heading import turn_heading
 
-TURNED_MOST = 1 << 28  # 1 rad, Q28: what `turn_heading` turns by
+MAX_TURNED = 1 << 28  # 1 rad, Q28: what `turn_heading` turns by
 
 
 def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
@@ -42,7 +42,7 @@ def set_place(s: State, g: Gains, north: I16, east: I16, down: I16) -> None:
     s.mag_new_us = 0
     if s.age_us >= 0 and s.heading_reset == 0 and s.aided == 0:
         turn_heading(s, g, change)
-        if abs(change) > TURNED_MOST:
+        if abs(change) > MAX_TURNED:
             # beside a pole: the fields to come give the rest
             s.heading_reset = 1
 
