@@ -4,6 +4,7 @@ The caller decides the format of a table (CSV, Parquet).
 """
 
 from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -53,8 +54,8 @@ class ChannelTable(Protocol):
         """Writes buffered rows; ValueError as in `add`."""
 
 
-OpenTable = Callable[[Path, Sequence[Column]], ChannelTable]
-"""Opens the table of a file; FileExistsError if the file exists."""
+OpenTable = Callable[[Path, Sequence[Column], ExitStack], ChannelTable]
+"""Opens the table of a file, which the stack closes; FileExistsError if the file exists."""
 
 
 class ExportedFile(NamedTuple):
@@ -83,7 +84,7 @@ class Destination(NamedTuple):
 def export_tables(
     path: Path, destination: Destination, topics: Collection[str], progress: Progress
 ) -> ExportResult:
-    """Exports the channels of a log as tables.
+    """Exports the channels of a log as tables; none is left if that fails.
 
     Args:
         path: an MCAP log, closed, cut off or damaged.
@@ -95,23 +96,35 @@ def export_tables(
         BadInput: not a log, a file exists, or a topic of `topics` is not in the log.
     """
     require_mcap(path)
+    opened: list[Path] = []
+    try:
+        with path.open("rb") as stream, ExitStack() as stack:
+            return _exported(
+                path, LogScan(stream), _Tables(destination, stack, opened), topics, progress
+            )
+    except BaseException:
+        for table in opened:
+            table.unlink(missing_ok=True)
+        raise
+
+
+def _exported(
+    path: Path, scan: LogScan, tables: "_Tables", topics: Collection[str], progress: Progress
+) -> ExportResult:
     directory = Directory(path)
-    with path.open("rb") as stream:
-        tables = _Tables(destination)
-        channels: dict[int, _ChannelRows | None] = {}
-        seen: set[str] = set()
-        scan = LogScan(stream)
-        for stored in stored_messages(scan, directory, progress):
-            if stored.channel_id not in channels:
-                channel = directory.channel(stored.channel_id)
-                seen.add(channel.topic if channel else "")
-                wanted = channel is not None and (not topics or channel.topic in topics)
-                channels[stored.channel_id] = (
-                    _ChannelRows(channel, directory, tables) if channel and wanted else None
-                )
-            rows = channels[stored.channel_id]
-            if rows is not None:
-                rows.take(stored)
+    channels: dict[int, _ChannelRows | None] = {}
+    seen: set[str] = set()
+    for stored in stored_messages(scan, directory, progress):
+        if stored.channel_id not in channels:
+            channel = directory.channel(stored.channel_id)
+            seen.add(channel.topic if channel else "")
+            wanted = channel is not None and (not topics or channel.topic in topics)
+            channels[stored.channel_id] = (
+                _ChannelRows(channel, directory, tables) if channel and wanted else None
+            )
+        rows = channels[stored.channel_id]
+        if rows is not None:
+            rows.take(stored)
     require_topics(path, topics, seen)
     skipped = tables.finish()
     skipped |= {rows.topic: rows.problem for rows in channels.values() if rows and rows.problem}
@@ -127,28 +140,31 @@ def require_topics(path: Path, topics: Collection[str], seen: Collection[str]) -
 
 
 class _Tables:
-    """The tables by name."""
+    """The tables by name.
 
-    def __init__(self, destination: Destination) -> None:
+    Args:
+        stack: closes them.
+        opened: takes their files.
+    """
+
+    def __init__(self, destination: Destination, stack: ExitStack, opened: list[Path]) -> None:
         destination.folder.mkdir(parents=True, exist_ok=True)
-        self._destination = destination
+        self._destination, self._stack, self._opened = destination, stack, opened
         self._tables: dict[str, ChannelTable] = {}
-        self._file_names: set[str] = set()
 
     def table(self, name: str, columns: Callable[[], Sequence[Column]]) -> ChannelTable:
         if name not in self._tables:
             # A topic of a foreign log must not lead out of the folder.
             file_name = "".join(c if c.isalnum() or c in "-." else "_" for c in name).strip("_.")
-            file_name = file_name or "channel"
-            while file_name in self._file_names:
-                file_name += "_"
-            self._file_names.add(file_name)
             folder, suffix, open_table = self._destination
-            path = folder / f"{file_name}{suffix}"
+            path = folder / f"{file_name or 'channel'}{suffix}"
+            while path in self._opened:
+                path = path.with_stem(f"{path.stem}_")
             try:
-                self._tables[name] = open_table(path, columns())
+                self._tables[name] = open_table(path, columns(), self._stack)
             except FileExistsError:
                 raise BadInput(f"{path}: exists; name another folder with -o") from None
+            self._opened.append(path)
         return self._tables[name]
 
     def finish(self) -> dict[str, str]:

@@ -19,12 +19,7 @@ def export_csv(
     progress: Progress = lambda done, total: None,
 ) -> ExportResult:
     """Writes the channels of a log to `folder`, units in the headers; see `export_tables`."""
-    with ExitStack() as stack:
-
-        def open_table(file: Path, columns: Sequence[Column]) -> _CsvTable:
-            return _CsvTable(file, columns, stack)
-
-        return export_tables(path, Destination(folder, ".csv", open_table), topics, progress)
+    return export_tables(path, Destination(folder, ".csv", _CsvTable), topics, progress)
 
 
 class _CsvTable:

@@ -47,13 +47,8 @@ def export_parquet(
     The columns `log_time` and `publish_time` are UTC with nanoseconds. Values without a schema
     become JSON text.
     """
-    with ExitStack() as stack:
-
-        def open_table(file: Path, columns: Sequence[Column]) -> _ParquetTable:
-            return _ParquetTable(file, columns, stack)
-
-        destination = Destination(folder, ".parquet", open_table)
-        return export_tables(path, destination, topics, progress)
+    destination = Destination(folder, ".parquet", _ParquetTable)
+    return export_tables(path, destination, topics, progress)
 
 
 class _ParquetTable:

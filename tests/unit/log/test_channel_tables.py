@@ -67,3 +67,15 @@ def test_what_only_looks_like_a_time_stays_as_it_is(tmp_path: Path, sec: Any, ns
     with found.files[0].path.open(encoding="utf-8") as stream:
         (row,) = csv.DictReader(stream)
     assert row["t_ns [ns]"] == str({"sec": sec, "nsec": nsec})
+
+
+def test_no_table_is_left_of_an_export_that_failed(tmp_path: Path) -> None:
+    path = log_of(tmp_path / "a.mcap", [("/a", {"x": 1}), ("/b", {"x": 1})])
+    out = tmp_path / "out"
+    with pytest.raises(BadInput, match="no topic /c"):
+        export_csv(path, out, ["/a", "/c"])
+    assert list(out.iterdir()) == []
+    kept = export_csv(path, out, ["/b"]).files[0].path
+    with pytest.raises(BadInput, match="exists"):
+        export_csv(path, out)
+    assert list(out.iterdir()) == [kept]
