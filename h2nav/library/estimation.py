@@ -291,7 +291,11 @@ def _rate_hz(rate_hz: float | None, t_s: npt.ArrayLike | None) -> float:
         return float(rate_hz)
     if t_s is None or len(np.asarray(t_s)) < 2:
         raise BadInput("rate_hz: missing; give it, or the times t_s of at least two samples")
-    return usual_rate_hz(np.round(np.asarray(t_s, dtype=np.float64) * 1e6).astype(np.int64))
+    t_us = np.round(np.asarray(t_s, dtype=np.float64) * 1e6)
+    steps_us = np.diff(t_us)
+    if t_us.ndim != 1 or not ((steps_us > 0.0) & (steps_us < np.inf)).all():
+        raise ValueError("t_s needs the shape (N,) and finite times that increase")
+    return usual_rate_hz(t_us.astype(np.int64))
 
 
 def _with_fixes(

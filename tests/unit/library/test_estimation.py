@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,18 @@ def test_wrong_arguments_name_what_is_known() -> None:
         AttitudeFilter(0.0)
     with pytest.raises(ValueError, match="shape"):
         estimate(gyr, acc[:5], rate_hz=RATE_HZ)
+
+
+@pytest.mark.parametrize(
+    "t_s",
+    [[0.0, 0.0, 0.0], [0.2, 0.1, 0.0], [0.0, np.nan, 1.0], [0.0, 1.0, np.inf], [[0.0]] * 3],
+)
+@pytest.mark.parametrize("call", [estimate, smooth])
+def test_times_that_do_not_increase_give_no_rate(
+    call: Callable[..., object], t_s: list[object]
+) -> None:
+    with pytest.raises(ValueError, match="times that increase"):
+        call(np.zeros((3, 3)), np.ones((3, 3)), t_s=t_s)
 
 
 def test_importing_the_package_loads_no_numpy() -> None:
