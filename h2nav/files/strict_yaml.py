@@ -89,7 +89,7 @@ def _scalar(hint: Any, value: Any, place: str, complaints: list[str]) -> Any:
     if hint == tuple[str, ...]:
         if isinstance(value, list | tuple) and all(isinstance(item, str) for item in value):
             return tuple(value)
-        complaints.append(f"{place}: expected {WORDS[hint]}, found {value!r}")
+        complaints.append(f"{place}: expected {WORDS[hint]}, found {_found(value)}")
         return None
     if type(value) not in kinds:
         expected = " or ".join(WORDS[kind] for kind in kinds)

@@ -67,15 +67,16 @@ class RowMessages:
         divisors: of the columns stored as multiples of a fraction, which become doubles.
 
     Attributes:
-        name: of the schema.
+        name: of the schema, as protobuf accepts it.
         schema: its descriptors (a FileDescriptorSet), as MCAP wants them.
         columns: field -> its column, or the first one of an array.
     """
 
     def __init__(self, name: str, row: np.dtype[np.void], divisors: Mapping[str, float]) -> None:
-        self.name = name
+        package, _, message = name.partition(".")
+        self.name = f"{package}.{_name(message, set())}"
         self._fields = tuple(_fields(row, divisors))
-        self.schema = _schema(name, self._fields)
+        self.schema = _schema(self.name, self._fields)
         self.columns = {field.name: field.columns[0] for field in self._fields}
         self._texts = [
             (_varint(number << 3 | WIRE_LENGTH), field.columns[0])

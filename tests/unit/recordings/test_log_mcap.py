@@ -214,6 +214,16 @@ def test_viewers_draw_what_a_dataflash_log_stores_in_fractions(
     assert place.altitude == pytest.approx(fix.Alt)
 
 
+@pytest.mark.parametrize("name", ["A B", "4X", "\x10", "a.b"])
+def test_a_damaged_name_of_a_message_is_one_that_protobuf_accepts(
+    tmp_path: Path, name: str
+) -> None:
+    writer = DataflashWriter()
+    writer.add(name, "Qf", "TimeUS,Value", np.arange(2), 1.5)
+    _, output = exported(tmp_path, "log.bin", writer.bytes())
+    assert [message.Value for _, message in decoded(output)[f"/{name}"]] == [1.5, 1.5]
+
+
 def test_a_message_of_texts_alone(tmp_path: Path) -> None:
     writer = DataflashWriter()  # of 2014
     writer.add("MSG", "Z", "Message", np.arange(2), np.array([b"one", b"two"]))
