@@ -197,9 +197,10 @@ def best(evidence: FlightEvidence) -> Attitudes | None:
 
 
 def bins(evidence: FlightEvidence) -> Bins | None:
-    """The soundest IMU in bins of a tenth of a second, as recorded."""
+    """The soundest IMU in bins of a tenth of a second, as recorded; None without any."""
     track = evidence.of(soundest_as_recorded)
-    return None if track is None else binned(track, evidence.of(recorded))
+    found = None if track is None else binned(track, evidence.of(recorded))
+    return found if found is not None and len(found.t_s) else None
 
 
 def vertical(evidence: FlightEvidence) -> tuple[Climb, ...]:

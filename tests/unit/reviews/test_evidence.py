@@ -63,6 +63,10 @@ def test_what_kind_of_recording_it_is(kind, streamed, timed, own):
     assert of.logged_armed(evidence) == (ARMED if timed else ())
 
 
+def test_samples_of_one_instant_make_no_bins():
+    assert of.bins(Evidence({of.soundest_as_recorded: imu_track(np.zeros(9))})) is None
+
+
 def test_while_nothing_was_logged_it_counts_as_not_armed():
     evidence = Evidence({of.paused: (Span(40.0, 60.0, "paused"),)})
     assert [(one.from_s, one.to_s) for one in of.logged_armed(evidence)] == [(0, 40), (60, 100)]
