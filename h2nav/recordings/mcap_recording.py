@@ -39,10 +39,12 @@ class McapRecording(Recording):
         return gathered(self.received())
 
     def received(self) -> Iterator[tuple[int, bytes]]:
-        """Yields single arrivals."""
+        """Yields single arrivals; our own recorder's times never decrease, those of others may."""
+        newest_ns = 0
         for topic, stored in self._messages(RAW_ENCODING):
             if topic.startswith(RECEIVED_TOPIC):
-                yield min(stored.log_ns, LATEST_NS) - self.unix_offset_ns, stored.data
+                newest_ns = max(newest_ns, min(stored.log_ns, LATEST_NS))
+                yield newest_ns - self.unix_offset_ns, stored.data
 
     def records(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yields the records of `topic` as written; NaN reads as None."""

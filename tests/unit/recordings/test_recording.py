@@ -119,6 +119,14 @@ def test_times_of_no_computer_are_brought_into_range(
     assert arrivals.t_ns.tolist() == [min(log_ns, 2**62)]
 
 
+def test_times_that_go_back_stand_still(tmp_path: Path) -> None:
+    log = LogFile(tmp_path / "a.mcap")
+    for number, log_ns in enumerate((5, 7, 0, 6, 8)):
+        log.add_raw("/mavlink/rx/a", log_ns, bytes((number,)))
+    arrivals = list(open_recording(log.close()).received())
+    assert arrivals == [(5, b"\0"), (7, b"\1"), (7, b"\2"), (7, b"\3"), (8, b"\4")]
+
+
 @pytest.mark.parametrize("content", [b"no JSON", b"[1]", b"null"])
 def test_a_record_of_others_that_is_none_is_passed_over(tmp_path: Path, content: bytes) -> None:
     log = LogFile(tmp_path / "a.mcap")
