@@ -138,15 +138,11 @@ def _drawn(
 
 def _kind(path: Path) -> str:
     from h2nav.recordings.dataflash_tables import is_binary, is_dataflash
-    from h2nav.recordings.opening import PROBE_BYTES
+    from h2nav.recordings.opening import beginning_of
     from h2nav.recordings.recording import open_recording
     from h2nav.recordings.ulog_tables import is_ulog
 
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(PROBE_BYTES)
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+    start = beginning_of(path)
     if is_ulog(start):
         return "ulog"
     if is_binary(start):

@@ -26,7 +26,7 @@ from h2nav.recordings.link_recording import Recording
 from h2nav.recordings.log_clock import LATEST_US
 from h2nav.recordings.log_rows import Log
 from h2nav.recordings.mcap_recording import McapRecording
-from h2nav.recordings.opening import PROBE_BYTES
+from h2nav.recordings.opening import beginning_of
 from h2nav.recordings.protobuf_rows import RowMessages, Rows
 from h2nav.recordings.receiver_tables import start_unix_s
 from h2nav.recordings.recording import open_recording
@@ -186,11 +186,7 @@ class _Ordered:
 
 def _pieces(path: Path, progress: Progress) -> Iterator[list[Part]]:
     """The parts of any recording, piece by piece."""
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(PROBE_BYTES)
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+    start = beginning_of(path)
     if is_dataflash(start):
         return _of_dataflash(path, progress)
     if is_ulog(start):

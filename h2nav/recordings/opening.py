@@ -14,6 +14,21 @@ PROBE_BYTES = 4096
 Source = Recording | ImportedLog
 
 
+def beginning_of(path: Path) -> bytes:
+    """The first bytes of a recording, which show its kind.
+
+    Raises:
+        BadInput: there is no such file, or it cannot be read.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise BadInput(f"{path}: is not a file; expected a recording")
+        with path.open("rb") as stream:
+            return stream.read(PROBE_BYTES)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+
+
 def open_flight(path: Path | str) -> Source:
     """Opens telemetry logs, raw MAVLink, logs of h2nav, and autopilots' own logs.
 
@@ -21,13 +36,7 @@ def open_flight(path: Path | str) -> Source:
         BadInput: there is no such file, it cannot be read, or it is of another kind.
     """
     path = Path(path)
-    try:
-        if path.exists() and not path.is_file():
-            raise BadInput(f"{path}: is not a file; expected a recording")
-        with path.open("rb") as stream:
-            start = stream.read(PROBE_BYTES)
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}; expected a recording") from error
+    start = beginning_of(path)
     # An importer is loaded for its recordings only.
     if is_dataflash(start):
         from h2nav.recordings.dataflash import open_dataflash
