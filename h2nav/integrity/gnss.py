@@ -32,6 +32,7 @@ CLAIMED_M_S = 1.5
 # Two receivers differ beyond this for this long; places of their antennas and rates included.
 APART_M = 30.0
 APART_M_S = 3.0
+APART_S = 5.0
 GPS = Sensor(SensorKind.GPS)
 
 
@@ -165,11 +166,13 @@ class GnssVerdict:
             self._false_us = self._spoofed = self._apart_us = None
         for clock in self._clocks.values():
             clock.forget_old(stale_us)
+        for watch in self._signals.values():
+            watch.forget_old(t_us)
 
     def alarms(self) -> list[Alarm]:
         """The present verdict."""
         found = [alarm for alarm in (self._jammed(), self._spoofed_signals()) if alarm is not None]
-        if not found and self._apart_us is not None and self._since_s(self._apart_us) >= 5.0:
+        if not found and self._apart_us is not None and self._since_s(self._apart_us) >= APART_S:
             found.append(self._receivers_differ(self._apart_us))
         return found
 

@@ -7,6 +7,7 @@ import pytest
 from h2nav.attitude.samples import VelocityFix
 from h2nav.integrity.findings import Kind, Severity
 from h2nav.integrity.gnss import GnssVerdict, SignalState
+from h2nav.integrity.gnss_signals import SignalLevels
 
 PERIOD_US = 200_000
 DEG_PER_M = 1.0 / math.radians(6_371_000.0)
@@ -114,10 +115,24 @@ def of_another_time(verdict: GnssVerdict) -> None:
         verdict.time(t_us, 0, 1e9 + 1e-6 * t_us + (90.0 if t_us > 0 else 0.0))
 
 
-@pytest.mark.parametrize("shown", [said, followed, apart, of_another_time])
-def test_nothing_is_held_against_a_receiver_that_is_heard_no_more(shown) -> None:
+def of_more_power(verdict: GnssVerdict) -> None:
+    for t_us in range(0, 10_000_001, 1_000_000):
+        verdict.levels(t_us, 0, SignalLevels(300.0 if t_us > 8_000_000 else 100.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("shown", "until_us"),
+    [
+        (said, 20_000_000),
+        (followed, 20_000_000),
+        (apart, 20_000_000),
+        (of_another_time, 20_000_000),
+        (of_more_power, 22_000_001),
+    ],
+)
+def test_nothing_is_held_against_a_receiver_that_is_heard_no_more(shown, until_us) -> None:
     verdict = GnssVerdict()
     shown(verdict)
-    for t_us, alarms in ((19_999_999, 1), (20_000_000, 0)):
+    for t_us, alarms in ((until_us - 1, 1), (until_us, 0)):
         verdict.forget_old(t_us)
         assert len(verdict.alarms()) == alarms
