@@ -504,7 +504,8 @@ class Estimation:
         if frozen or self._voting.has_doubts:
             suspicions = {imu: lane.suspicion for imu, lane in lanes.items()}
             for imu, moved in self._voting.look(suspicions, frozen).items():
-                lanes[imu].use_moved_zero(moved)
+                if imu in lanes:
+                    lanes[imu].use_moved_zero(moved)
         for imu, lane in lanes.items():
             lane.use_votes(self._voting.verdict(imu))
 

@@ -17,6 +17,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.findings import Kind
+from h2nav.integrity.sensor_pairs import InertialSensor
 from h2nav.recordings.listener import Listener
 from h2nav.service import estimation
 from h2nav.service.autopilot import Identity
@@ -25,6 +26,7 @@ from h2nav.service.estimation import Estimation
 from h2nav.service.notices import Notices
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import AutopilotSettings
+from h2nav.service.trust import REFUSALS
 from h2nav.wire.imu import IDS_BY_NAME, ImuReading
 
 ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -380,6 +382,18 @@ def test_fields_of_different_times_are_not_compared():
     flight.fields = {SECOND: (22.0, 0.0, -42.0)}
     flight.run(5.0)
     assert compasses_differ(flight)
+
+
+def test_a_stream_that_rests_has_no_zero_that_moves(monkeypatch):
+    """It was outvoted, then refused; the other one is clipped meanwhile, so nothing differs."""
+    flight = Flight()
+    flight.run(0.5)
+    voting = flight.estimation._voting
+    voting._wrong[InertialSensor.GYRO, 1] = 0
+    monkeypatch.setattr(voting, "look", lambda *_: {1: (0.1, 0.0, 0.0)})
+    for _ in range(REFUSALS):
+        flight.estimation.refuse(10**7 * flight.tick, SECOND, "not_finite")
+    assert flight.run(0.3)[-1].estimate is not None
 
 
 def test_while_its_only_force_is_frozen_velocities_do_not_speak_for_it():
