@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from h2nav.calibration import rotations
 from h2nav.calibration.evidence import PX4, Evidence
@@ -301,7 +302,7 @@ def _shows(rows: FieldRows, lever: Lever) -> bool:
 def _unseen_ut(subject: Subject, model: Model) -> float:
     """Residual of rows that the model was not fitted to."""
     rows, settings = subject.rows, subject.settings
-    block = np.floor(rows.t_s / BLOCK_S).astype(np.intp) % 2
+    block = _half(rows)
     lever = model.lever if model.lever is not Lever.NONE else settings.lever
     found = []
     for half in (0, 1):
@@ -312,6 +313,12 @@ def _unseen_ut(subject: Subject, model: Model) -> float:
         fit = _fit_of(seen, settings, model)
         found.append(_typical_ut(_with_heading(unseen, fit.correction, lever)))
     return max(found)
+
+
+def _half(rows: FieldRows) -> NDArray[np.intp]:
+    """(N,) 0 and 1 in turn, a block each."""
+    half: NDArray[np.intp] = np.floor(rows.t_s / BLOCK_S).astype(np.intp) % 2
+    return half
 
 
 def _matters(subject: Subject, simpler: Model, model: Model, norm: float) -> bool:
@@ -519,9 +526,17 @@ def _with_shape(subject: Subject, model: Model, fit: FieldFit) -> Array:
     """The covariance including the effect of an unfitted matrix on the offset."""
     if model.has_matrix:
         return fit.covariance.copy()
-    wider = _fitted(subject, model._replace(has_matrix=True)).covariance.copy()
-    wider[MATRIX, :] = wider[:, MATRIX] = 0.0
-    return wider
+    wider = _fitted(subject, model._replace(has_matrix=True))
+    covariance = wider.covariance.copy()
+    if (
+        subject.settings.can_shape
+        and np.bincount(_half(subject.rows), minlength=2).min() < MIN_RICH_ROWS
+    ):
+        # It was too short to try a matrix: there may be one.
+        apart = (wider.correction.values - fit.correction.values)[OFFSET]
+        covariance[OFFSET, OFFSET] += np.outer(apart, apart)
+    covariance[MATRIX, :] = covariance[:, MATRIX] = 0.0
+    return covariance
 
 
 def _changes(

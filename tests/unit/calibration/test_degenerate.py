@@ -9,8 +9,10 @@ from h2nav.calibration.field_fit import FieldCorrection
 from h2nav.calibration.imu import calibrate_accelerometer, tracks_of
 from h2nav.calibration.vehicle import calibrate
 from h2nav.errors import BadInput
+from h2nav.maths.rows import select_rows
+from h2nav.maths.units import MG_PER_UT
 from h2nav.recordings.context import Span
-from tests.unit.calibration.repeated_flights import PARAMETERS, Vehicle, flown
+from tests.unit.calibration.repeated_flights import PARAMETERS, Vehicle, drawn, flown
 
 EARTH_N_UT = np.array((20.0, 0.0, 43.0))
 IRON_MG = np.array((15.0, -10.0, 5.0))
@@ -74,3 +76,18 @@ def test_flights_of_two_vehicles_are_refused_though_the_first_one_names_none(fli
     )
     with pytest.raises(BadInput, match="COMPASS_DEV_ID differs"):
         calibrate([flight, one, other])
+
+
+def test_a_flight_too_short_to_try_a_matrix_knows_the_offset_as_badly_as_one_would_change_it():
+    rng = np.random.default_rng(12)
+    vehicle = drawn(rng)
+    assert not np.array_equal(vehicle.iron.matrix, np.eye(3))
+    whole = flown(rng, vehicle, PARAMETERS)
+    (track,) = whole.context.compasses
+    early = select_rows(track, track.t_s < 25.0)
+    found = calibrate_compass([changed(whole, compasses=(early,))], 0, ())
+    assert {change.name for change in found.changes} == {"COMPASS_OFS_X", "COMPASS_OFS_Y"}
+    assert "offset of z" in found.left[0]
+    for change in found.changes:
+        true = MG_PER_UT * vehicle.iron.offset_ut["XYZ".index(change.name[-1])]
+        assert abs(change.new - true) < 3.0 * change.sigma
