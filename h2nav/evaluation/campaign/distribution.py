@@ -18,7 +18,7 @@ import numpy as np
 
 from h2nav.errors import BadInput
 from h2nav.evaluation.campaign.blame import SCORED_FAULTS
-from h2nav.evaluation.campaign.draw import MAX_FAULTS, SECTIONS, Draw
+from h2nav.evaluation.campaign.draw import MAX_FAULTS, OF_COMPASS, SECTIONS, Draw
 from h2nav.files.plain_yaml import read_mapping
 from h2nav.sim.faults import FAULT_KINDS
 from h2nav.validation import Within, key_complaints
@@ -31,8 +31,6 @@ FAULT_KEYS = ("count", "length_s", "kinds")
 # A fault begins when the flight has settled, and leaves time to be told.
 SETTLED_S, LAST_S = 30.0, 20.0
 DIGITS = 4
-# Drawn for a compass that is there.
-OF_COMPASS = ("compass-frozen", "compass-reversed", "hard-iron", "no-mag")
 
 
 class Range(NamedTuple):
@@ -87,7 +85,7 @@ class Distribution(NamedTuple):
         for place in chosen.tolist():
             name = names[place]
             has_compass = min(draw.imu.count, draw.compass.count)
-            several = has_compass if name in OF_COMPASS else draw.imu.count
+            several = has_compass if name.startswith(OF_COMPASS) else draw.imu.count
             imu = 1 + int(random.random() * several)
             length_s = float(self.fault_length_s.drawn(random, 30.0))
             latest_s = max(draw.length_s - length_s - LAST_S, earliest_s)

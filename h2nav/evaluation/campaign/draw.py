@@ -18,6 +18,7 @@ from h2nav.validation import OneOf, Within
 VEHICLES = ("copter", "plane", "rover")
 FORMS = ("integers", "floats")
 MAX_FAULTS = 3
+OF_COMPASS = ("compass-", "hard-iron")  # how the faults of a compass begin
 
 Share = Annotated[float, Within(0.0, 1.0)]
 Size = Annotated[float, Within(0.0, 1e4)]
@@ -135,6 +136,9 @@ class Draw:
         for fault in self.scheduled:
             if fault.imu > self.imu.count:
                 raise BadInput(f"faults: {fault.name} is of IMU {fault.imu} of {self.imu.count}")
+            if fault.name.startswith(OF_COMPASS) and fault.imu > self.compass.count:
+                compasses = f"{fault.imu} of {self.compass.count}"
+                raise BadInput(f"faults: {fault.name} is of compass {compasses}")
 
     @property
     def scheduled(self) -> tuple[Fault, ...]:

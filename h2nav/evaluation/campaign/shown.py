@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from h2nav.evaluation.campaign.draw import Draw
+from h2nav.evaluation.campaign.draw import OF_COMPASS, Draw
 from h2nav.evaluation.campaign.flight import DrawnFlight
 from h2nav.evaluation.campaign.sensors import DrawnReadings
 from h2nav.maths.rows import Array, wrapped
@@ -32,7 +32,7 @@ ENOUGH_M_S2, STILL_M_S2 = 1.0, 0.3
 NOISY_M_S = 0.5
 GYRO_FAULTS = ("gyro-", "imu-frozen")
 ACCELEROMETER_FAULTS = ("accel-", "clipping", "vibration", "imu-frozen")
-COMPASS_FAULTS = ("compass-", "hard-iron", "imu-frozen")
+COMPASS_FAULTS = (*OF_COMPASS, "imu-frozen")
 RECEIVER_FAULTS = ("gps-",)
 
 

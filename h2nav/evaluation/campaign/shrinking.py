@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from h2nav.errors import BadInput
 from h2nav.evaluation.campaign.draw import SECTIONS, Draw, not_nominal
 from h2nav.evaluation.campaign.summary import badness
 
@@ -88,7 +89,10 @@ def _nominal(draw: Draw, name: str, keys: tuple[str, ...]) -> Draw | None:
     """With these keys as in the nominal flight; length and IMUs have steps of their own."""
     nominal, stay = SECTIONS[name](), {"flight": "length_min", "imu": "count"}.get(name)
     changes = {key: getattr(nominal, key) for key in keys if key != stay}
-    return _with(draw, name, **changes) if changes else None
+    try:
+        return _with(draw, name, **changes) if changes else None
+    except BadInput:  # the compass of a fault would be gone
+        return None
 
 
 def _with(draw: Draw, name: str, **changes: Any) -> Draw:

@@ -324,6 +324,10 @@ def test_a_draw_of_small_values_is_read_again(tmp_path):
         ("seed: 1\nimu: {cuont: 2}", "did you mean imu.count?"),
         ("seed: 1\nfaults: ['gyro-frozen@10/2']", "gyro-frozen is of IMU 2 of 1"),
         ("seed: 1\nfaults: ['gyro-frosen@10']", "gyro-frosen is not known"),
+        (
+            "seed: 1\nimu: {count: 2}\nfaults: ['hard-iron=30@10/2']",
+            "hard-iron is of compass 2 of 1",
+        ),
         ("imu: {count: 2}", "seed: missing"),
     ],
 )
@@ -611,6 +615,20 @@ def test_a_bad_flight_is_shrunk_to_what_makes_it_bad():
     assert 4.0 <= small.flight.length_min < 6.0
     assert len(as_text(small).splitlines()) <= 6
     assert badness(fly(small)) == badness(fly(draw))
+
+
+def test_a_fault_of_a_compass_keeps_its_compass_when_it_is_shrunk():
+    """Without it the fault would be missed, too, and for another reason."""
+    draw = Draw(
+        3,
+        imu=ImuDraw(count=2),
+        compass=CompassDraw(count=2, noise_ut=0.7),
+        faults=("hard-iron=30@80+20/2",),
+    )
+    missed = {"outcome": "missed"}
+    small = shrink(draw, lambda one: row(3, faults=[missed] * len(one.faults)), lambda *_: None, 20)
+    assert small.faults == draw.faults
+    assert small.compass == CompassDraw(count=2)
 
 
 def test_a_good_flight_stays_as_it_is():
