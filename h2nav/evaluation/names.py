@@ -9,9 +9,11 @@ def names_of(paths: Iterable[Path]) -> dict[Path, str]:
     """A name for each file, once: its stem, or as much more as tells it from the others."""
     each = list(dict.fromkeys(paths))
     stems, names = Counter(path.stem for path in each), Counter(path.name for path in each)
-    found = {}
+    found: dict[str, Path] = {}
     for path in each:
         whole = "_".join(part for part in path.parts if part != path.anchor)
         longer = path.name if names[path.name] == 1 else whole
-        found[path] = path.stem if stems[path.stem] == 1 else longer
-    return found
+        name = path.stem if stems[path.stem] == 1 else longer
+        # a_b/c and a/b/c are one text.
+        found[name if name not in found else f"{name}_{len(found)}"] = path
+    return {path: name for name, path in found.items()}
