@@ -1,12 +1,12 @@
 """Parameter files of ground stations: ArduPilot's, QGroundControl's, PX4's shell lines."""
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
 
 from h2nav.errors import BadInput
 
 MAX_LINES = 20_000
+LARGEST_PARAMETER = 3.4e38  # autopilots keep 32 bits of a number
 
 
 def read_parameters(path: Path) -> dict[str, float]:
@@ -41,7 +41,7 @@ def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
         pair = words[2:4] if len(words) == 5 else words[:2]
         try:
             found[pair[0]] = value = float(pair[1])
-            if not math.isfinite(value):
+            if not abs(value) < LARGEST_PARAMETER:
                 raise ValueError
         except (IndexError, ValueError):
             raise BadInput(

@@ -74,10 +74,6 @@ class Delivery:
             arrived.append(heapq.heappop(self._queue)[2])
         return arrived
 
-    def clear(self) -> None:
-        """Loses everything in transit."""
-        self._queue.clear()
-
     def _seconds_at(self, t_ns: int) -> float:
         return (t_ns - self._start_ns) * 1e-9
 

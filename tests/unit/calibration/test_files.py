@@ -53,7 +53,7 @@ def test_the_ending_says_the_form():
     assert format_of("fix.txt", "ArduPilot") is ParameterFormat.ARDUPILOT
 
 
-@pytest.mark.parametrize("line", ["hello", "A,b", "\x00\x01", "A,nan", "A,-inf", "A 1e999"])
+@pytest.mark.parametrize("line", ["hello", "A,b", "\x00\x01", "A,nan", "A,-inf", "A 1e39"])
 def test_what_is_no_parameter_is_named(line):
     with pytest.raises(BadInput, match=r"x:2: .*is not a parameter"):
         parameters_of(["COMPASS_OFS_X 5", line], "x")
