@@ -22,7 +22,7 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterat
     """
     workers = min(len(tasks), os.cpu_count() or 1)
     with tqdm(total=len(tasks), unit="run", disable=not sys.stderr.isatty()) as bar:
-        if workers == 1:
+        if workers < 2:
             for task in tasks:
                 yield function(task)
                 bar.update()
