@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from h2nav.evaluation.campaign.flight import DrawnFlight
+from h2nav.evaluation.campaign.draw import Draw
+from h2nav.evaluation.campaign.flight import DrawnFlight, link_gaps_s
 from h2nav.evaluation.campaign.shown import (
     ACCELEROMETER_FAULTS,
     COMPASS_FAULTS,
@@ -190,10 +191,18 @@ def _is_so(told: Told, flight: DrawnFlight, sensors: ShownBySensors) -> bool:
         numbers = range(draw.imu.count) if told.number is None else (told.number - 1,)
         return any(bool(sensors.disturbed[number][span].any()) for number in numbers)
     if told.part == RECEIVER:
-        return not bool(sensors.receiver[span].all()) or bool(draw.link.gaps_per_h)
+        return not bool(sensors.receiver[span].all()) or _is_in_gap(finding, draw)
     if finding.kind is Kind.VIBRATION:
         return draw.imu.vibration_m_s2 > VIBRATES_M_S2
-    return told.part == LINK and bool(draw.link.gaps_per_h or draw.link.loss_share)
+    return told.part == LINK and (_is_in_gap(finding, draw) or bool(draw.link.loss_share))
+
+
+def _is_in_gap(finding: Finding, draw: Draw) -> bool:
+    """Whether nothing arrived meanwhile, or shortly before."""
+    return any(
+        finding.from_s - GRACE_S <= end_s and begin_s <= finding.to_s + GRACE_S
+        for begin_s, end_s in link_gaps_s(draw)
+    )
 
 
 def fault_row(fault: Fault, every: Iterable[Told], others: Iterable[Fault]) -> dict[str, Any]:

@@ -35,6 +35,7 @@ UNIX_S = 1_795_000_000.0
 NORTHERN_DEG, SOUTHERN_DEG, ALTITUDE_M = 8.5, 147.0, 450.0
 BLOCK = 2048
 ATTITUDES_HZ = 5.0
+LINK_STREAM = 4  # of a seed's random numbers
 # The autopilot's own estimate: errors in roll, pitch and heading that wander.
 OWN_ERROR_DEG, OWN_ERROR_S = (0.3, 0.3, 1.0), 60.0
 CENTI = 0.01
@@ -90,6 +91,17 @@ def events(flight: DrawnFlight) -> Iterator[Event]:
     return heapq.merge(*streams, key=lambda event: event[0].t_ns)
 
 
+def link_gaps_s(draw: Draw) -> list[tuple[float, float]]:
+    """(from, to) of times in which nothing arrives."""
+    return _gaps_s(draw, np.random.default_rng([draw.seed, LINK_STREAM]))
+
+
+def _gaps_s(draw: Draw, random: np.random.Generator) -> list[tuple[float, float]]:
+    count = random.poisson(draw.link.gaps_per_h * draw.length_s / HOUR_S)
+    starts = random.uniform(min(draw.flight.rest_s, draw.length_s), draw.length_s, count)
+    return [(start, start + draw.link.gap_s) for start in starts.tolist()]
+
+
 class _Link:
     """Arrival times; what is lost.
 
@@ -98,11 +110,8 @@ class _Link:
     """
 
     def __init__(self, draw: Draw) -> None:
-        self._own, self._random = draw.link, np.random.default_rng([draw.seed, 4])
-        count = self._random.poisson(self._own.gaps_per_h * draw.length_s / HOUR_S)
-        earliest_s = min(draw.flight.rest_s, draw.length_s)
-        starts = self._random.uniform(earliest_s, draw.length_s, count)
-        self.gaps_s = [(start, start + self._own.gap_s) for start in starts.tolist()]
+        self._own, self._random = draw.link, np.random.default_rng([draw.seed, LINK_STREAM])
+        self.gaps_s = _gaps_s(draw, self._random)
 
     def arrivals(self, t_s: Array) -> tuple[Times, NDArray[np.bool_]]:
         """(N,) arrival of messages sent at (N,) times, ns, and which of them arrive."""

@@ -32,6 +32,7 @@ from h2nav.evaluation.campaign.effects import shows, without
 from h2nav.evaluation.campaign.flight import (
     BOOT_US,
     events,
+    link_gaps_s,
     place_of,
     reported_attitudes,
     simulated,
@@ -448,6 +449,15 @@ def test_a_sound_part_that_is_named_is_a_false_accusation_and_a_disturbed_one_is
         assert [one.part for one in found.accusations] == (
             [blame.GYRO] if is_disturbed else [blame.COMPASS, blame.GYRO]
         )
+
+
+def test_a_gap_of_the_link_excuses_what_is_said_of_the_receiver_while_it_lasts():
+    flight = ideal(link=LinkDraw(gaps_per_h=60.0, gap_s=3.0))
+    ((begin_s, end_s),) = link_gaps_s(flight.draw)
+    for kind in (Kind.VELOCITY_LOST, Kind.IMU_GAPS):
+        told = [said(kind, GPS, at_s) for at_s in (begin_s + 1.0, begin_s - 20.0, end_s + 6.0)]
+        found = false_reports(told, flight, shown(flight), lambda *_: False)
+        assert found.accusations == told[1:]
 
 
 def test_a_contradiction_is_an_alarm_only_while_nothing_is_wrong():
