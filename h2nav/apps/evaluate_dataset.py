@@ -18,6 +18,7 @@ from h2nav.evaluation.names import names_of
 from h2nav.evaluation.parallel import results
 from h2nav.recordings.trials import trial_paths
 
+MAX_SPEED_M_S = 300.0
 _EXAMPLES = """\
 more examples:
   h2nav evaluate dataset trials/ --filter all
@@ -81,6 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
+    _check(args)
     if args.plots is not None:
         extras.require("plots", "--plots", "matplotlib.pyplot")
     tasks = _tasks(args)
@@ -113,6 +115,13 @@ def _say_left_out(scores: Sequence[TrialScore]) -> None:
     for score in scores:
         if score.rms_deg is None:
             sys.stderr.write(f"{score.trial}: {score.filter_name}: left out: {score.remark}\n")
+
+
+def _check(args: argparse.Namespace) -> None:
+    if not abs(args.declination_deg) <= 180.0:
+        raise BadInput("--declination-deg: expected a number within +-180")
+    if args.cruise_speed_m_s is not None and not 0.0 <= args.cruise_speed_m_s <= MAX_SPEED_M_S:
+        raise BadInput(f"--cruise-speed-m-s: expected a number from 0 to {MAX_SPEED_M_S:g}")
 
 
 def _tasks(args: argparse.Namespace) -> list[TrialTask]:

@@ -79,6 +79,8 @@ def _asked(path: Path) -> dict[str, Any]:
                         break
         except (OSError, ValueError) as error:
             raise TaskFailed(_no_answer(path, error)) from error
+        except (AttributeError, LookupError, TypeError):
+            raise TaskFailed(f"{path}: no daemon of h2nav answers there") from None
     if found["status"] is None:
         raise TaskFailed(f"{path}: the daemon closed the connection")
     return found

@@ -27,7 +27,7 @@ def status(state: str = "active", findings: int = 0) -> dict[str, Any]:
 
 
 @contextmanager
-def daemon(path: Path, *events: dict[str, Any]) -> Iterator[None]:
+def daemon(path: Path, *events: Any) -> Iterator[None]:
     """Tells one client so much, and closes the connection."""
 
     def tell() -> None:
@@ -54,6 +54,13 @@ def test_the_state_is_shown_and_is_the_exit_status(tmp_path, capsys, state, code
         "heading 1.2 deg",
         "warning: gyro 1: gyro 1 stuck (since 61 s)",
     ]
+
+
+@pytest.mark.parametrize("said", [3, [1], {"a": 1}, {"event": "status", "state": "active"}])
+def test_another_program_is_not_taken_for_the_daemon(tmp_path, capsys, said):
+    with daemon(tmp_path / "events", said):
+        assert main(["status", "--socket", str(tmp_path / "events")]) == 1
+    assert capsys.readouterr().err.endswith("/events: no daemon of h2nav answers there\n")
 
 
 def test_the_daemons_answer_is_printed_as_json(tmp_path, capsys):

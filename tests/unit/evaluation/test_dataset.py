@@ -77,6 +77,21 @@ def test_json_has_the_promised_keys(
     assert "trial_3.npz: no truth: key q" in err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--declination-deg", "nan"), "expected a number within +-180"),
+        (("--cruise-speed-m-s", "nan"), "expected a number from 0 to 300"),
+        (("--cruise-speed-m-s", "-1"), "expected a number from 0 to 300"),
+    ],
+)
+def test_a_number_that_is_none_is_one_line(
+    words: tuple[str, str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["evaluate", "dataset", "trials", *words]) == 2
+    assert capsys.readouterr().err == f"h2nav: {words[0]}: {said}\n"
+
+
 def test_smoothed_results_stand_beside_the_causal_ones(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
