@@ -28,7 +28,7 @@ SETTLED_NS = 3 * SECOND_NS
 FOLDER_NS = 10 * SECOND_NS
 # A disk that cannot begin the next log may still read.
 LONGEST_ROLL_NS = 10 * SECOND_NS
-# After trouble that is not a recording's.
+# After trouble that is not a recording's, or while another process reviews.
 PAUSE_NS = 60 * SECOND_NS
 
 Tell = Callable[[int, dict[str, Any]], object]
@@ -160,6 +160,8 @@ class FlightKeeper:
     def _take(self, t_ns: int, outcome: ReviewOutcome) -> list[Notice]:
         """Passes on how a review ended."""
         if outcome.did_nothing:
+            if outcome.is_busy:  # such as `h2nav serve`, which may end before all are reviewed
+                self._is_due, self._not_before_ns = True, t_ns + PAUSE_NS
             return []
         self._is_due = True  # another one may be waiting
         if outcome.trouble:
@@ -169,7 +171,7 @@ class FlightKeeper:
         count = self.record
         about = outcome._asdict()
         about["id"] = about.pop("flight")
-        about.pop("trouble")
+        del about["trouble"], about["is_busy"]
         self._tell(t_ns, about)
         if outcome.error:
             self.record = count._replace(failed=count.failed + 1)

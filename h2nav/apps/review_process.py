@@ -28,10 +28,11 @@ class ReviewOutcome(NamedTuple):
     text: str = ""  # the sentence about the flight
     summary: dict[str, Any] = {}  # noqa: RUF012 - never changed; the row of the list
     trouble: str = ""  # why nothing could be done; the recording is not to blame
+    is_busy: bool = False  # another process reviews in this folder
 
     @property
     def did_nothing(self) -> bool:
-        """Whether every flight has a review."""
+        """Whether every flight has a review, or is left to another process."""
         return not self.flight and not self.trouble
 
 
@@ -117,7 +118,7 @@ class ReviewProcess:
             if "trouble" in said:
                 return ReviewOutcome(trouble=str(said["trouble"]))
             if "nothing" in said or "busy" in said:
-                return ReviewOutcome()
+                return ReviewOutcome(is_busy="busy" in said)
             if "id" in said:
                 return ReviewOutcome(
                     str(said["id"]),

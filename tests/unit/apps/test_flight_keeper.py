@@ -215,7 +215,11 @@ def test_where_no_reviews_are_wanted_none_begin(monkeypatch, tmp_path):
     assert (bench.recorder.rolls, bench.process.starts) == (1, 0)
 
 
-@pytest.mark.parametrize("how", ["not started", "ended in trouble"])
+@pytest.mark.parametrize(
+    "how",
+    ["not started", ReviewOutcome(trouble="no memory"), ReviewOutcome(is_busy=True)],
+    ids=["not started", "ended in trouble", "busy"],
+)
 def test_trouble_that_is_not_a_recordings_is_tried_again_after_a_minute(bench, how):
     if how == "not started":
         bench.process.error = OSError("no memory")
@@ -223,7 +227,7 @@ def test_trouble_that_is_not_a_recordings_is_tried_again_after_a_minute(bench, h
         bench.process.error = None
         first = 0
     else:
-        bench.fly().land(3.3).end(ReviewOutcome(trouble="no memory"))
+        bench.fly().land(3.3).end(how)
         first = 1
     bench.run(59.5)
     assert bench.process.starts == first
@@ -273,7 +277,7 @@ def test_how_a_review_ended_is_counted_and_that_of_the_last_flight_is_said(
         return
     ((_, about),) = bench.told
     assert (about["id"], about["error"]) == (outcome.flight, outcome.error)
-    assert not {"flight", "trouble"} & about.keys()
+    assert not {"flight", "trouble", "is_busy"} & about.keys()
 
 
 def test_a_flight_is_said_once(bench):

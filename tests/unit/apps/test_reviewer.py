@@ -160,7 +160,9 @@ def test_one_process_at_a_time_reviews_a_folder(flight):
         assert time.monotonic() < end
         time.sleep(0.01)
     second.start()
-    assert ended(second).did_nothing
+    outcome = ended(second)
+    assert outcome.did_nothing
+    assert outcome.is_busy
     assert ended(first).flight
 
 
