@@ -279,6 +279,8 @@ def _write(
         return False
     others = [each for each in choices if each.hearing is chosen.hearing]
     text = configuration_text(chosen, len(others) > 1, flights)
+    if output == SERVICE_CONFIG:
+        os.umask(0o022)  # the daemon's user has to read it and the unit
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(text, encoding="utf-8")

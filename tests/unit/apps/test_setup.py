@@ -1,6 +1,7 @@
 """From what was heard to a configuration that the daemon starts with."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,22 @@ def test_yes_writes_and_checks(heard: list[Choice], tmp_path: Path) -> None:
     path = tmp_path / "etc" / "config.yaml"
     assert main(["setup", "--yes", "-o", str(path), "--no-service"]) == SUCCESS
     assert configuration.read(path).link.url == "udpin:0.0.0.0:14550"
+
+
+@pytest.mark.parametrize("is_service", [True, False])
+def test_the_services_user_can_read_what_a_careful_root_writes(
+    heard: list[Choice], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_service: bool
+) -> None:
+    heard.append(choice("udpin:0.0.0.0:14550"))
+    path = tmp_path / "etc" / "config.yaml"
+    monkeypatch.setattr(setup, "SERVICE_CONFIG", path if is_service else tmp_path)
+    before = os.umask(0o077)
+    try:
+        assert main(["setup", "--yes", "-o", str(path), "--no-service"]) == SUCCESS
+    finally:
+        os.umask(before)
+    modes = [place.stat().st_mode & 0o777 for place in (path.parent, path)]
+    assert modes == ([0o755, 0o644] if is_service else [0o700, 0o600])
 
 
 def test_a_file_that_is_there_stays(heard: list[Choice], tmp_path: Path) -> None:
