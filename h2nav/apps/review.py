@@ -12,6 +12,7 @@ from h2nav.apps import playback
 from h2nav.apps.json_output import print_json
 from h2nav.apps.log_progress import byte_bar
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.files.path_text import readable
 from h2nav.integrity.severity import Severity
 
 # The page lists all of them.
@@ -141,8 +142,6 @@ def page_names(flights: list[Path], folder: Path) -> list[str]:
 
 def _is_of_another(flight: Path, folder: Path) -> bool:
     """Whether the document of this stem in the folder is of a recording of another name."""
-    from h2nav.apps.reviewing import readable
-
     try:
         found = json.loads((folder / f"{flight.stem}.json").read_bytes())
     except (OSError, ValueError):

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import orjson
 
 from h2nav.errors import BadInput, TaskFailed
+from h2nav.files.path_text import readable
 from h2nav.flights.folder import FILE_MODE, MAX_ATTEMPTS, FlightFiles, FlightFolder, FlightRecord
 from h2nav.flights.retention import KeptFlight, RetentionLimits, to_delete
 from h2nav.flights.summary import sentence_of, summary_of
@@ -81,7 +82,7 @@ def main() -> int:
             _say(said)
     except OSError as error:
         place = error.filename or folder.reviews
-        _say({"trouble": _readable(f"{place}: {error.strerror or error}")})
+        _say({"trouble": readable(f"{place}: {error.strerror or error}")})
         return 1
     return 0
 
@@ -138,7 +139,7 @@ def _next_review(folder: FlightFolder, job: ReviewJob) -> dict[str, Any]:
     newest_first = sorted(flights, key=lambda one: -max(each.mtime_ns for each in one.recordings))
     for flight in newest_first:
         if not folder.is_current(flight, folder.record(flight.id)):
-            _say({"began": flight.id, "name": _readable(flight.best.name)})
+            _say({"began": flight.id, "name": readable(flight.best.name)})
             return _said_of(_reviewed(folder, flight, job))
     return {"nothing": True}
 
@@ -163,7 +164,7 @@ def _reviewed(folder: FlightFolder, flight: FlightFiles, job: ReviewJob) -> Flig
                 error = error or _in_words(reason, path, job, is_short).replace(f"{path}: ", "")
             else:
                 return folder.commit(flight, summary, written=scratch)
-        return folder.commit(flight, {}, error=_readable(error))
+        return folder.commit(flight, {}, error=readable(error))
     except OSError:  # a full disk says nothing about the recording
         folder.forget_attempt(flight.id)
         raise
@@ -241,7 +242,7 @@ def _keep_within_limits(folder: FlightFolder, limits: RetentionLimits) -> None:
 
 
 def _said_of(record: FlightRecord) -> dict[str, Any]:
-    name = _readable(record.recordings[0].name)
+    name = readable(record.recordings[0].name)
     said = {"id": record.id, "name": name, "error": record.error}
     if record.error:
         return said
@@ -249,10 +250,6 @@ def _said_of(record: FlightRecord) -> dict[str, Any]:
     summary = dict(record.summary)
     summary.pop("kinds", None)
     return {**said, "severity": severity.word, "text": text, "summary": summary}
-
-
-def _readable(text: str) -> str:
-    return text.encode(errors="surrogateescape").decode(errors="replace")
 
 
 def _say(said: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ from h2nav.calibration.evidence import PX4, Evidence
 from h2nav.calibration.files import ParameterFormat, written
 from h2nav.calibration.vehicle import calibrate, document_of
 from h2nav.errors import BadInput
+from h2nav.files.path_text import readable
 from h2nav.log.progress import Progress
 from h2nav.recordings.autopilot_log import has_enough_samples
 from h2nav.recordings.context import Context
@@ -214,11 +215,6 @@ def _flight(
         rejected={} if service is None else service.rejected,
         held=collector.held(),
     )
-
-
-def readable(name: str) -> str:
-    """A file name as text; on Linux it may be any bytes."""
-    return name.encode(errors="surrogateescape").decode(errors="replace")
 
 
 def _why_none(context: Context, reason: str) -> str:

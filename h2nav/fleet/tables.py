@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from h2nav.airframes.features import FlightRow, is_unique, named, row_of_document
 from h2nav.airframes.odometer import ComponentChange, odometers
 from h2nav.airframes.trend import MAX_SEARCHED, departures
+from h2nav.files.path_text import readable
 from h2nav.fleet.store import Store
 from h2nav.fleet.work import Task
 from h2nav.integrity.severity import Severity
@@ -172,7 +173,7 @@ def _flight(
     start = result.get("start")
     worst = min((each["severity"] for each in findings), key=severity_rank, default="")
     return {
-        "source": _valid(task.source.address),
+        "source": readable(task.source.address),
         "size_bytes": task.source.size,
         "key": task.key,
         **{name: result.get(name) for name in FLIGHT_COLUMNS},
@@ -208,7 +209,7 @@ def _figures(remembered: Sequence[tuple[Task, FlightRow]]) -> Iterator[dict[str,
         for name, value in sorted(row.features.items()):
             known, one = named(name), left.get(name)
             figure = {
-                "source": _valid(task.source.address),
+                "source": readable(task.source.address),
                 "key": task.key,
                 "airframe": row.airframe,
                 "start": _date(row.start_unix_s),
@@ -239,13 +240,8 @@ def _date(unix_s: float) -> datetime | None:
 
 def _finding(task: Task, finding: Mapping[str, Any]) -> dict[str, Any]:
     values = {name: finding.get(name) for name in _FINDING_COLUMNS}
-    values |= {"source": _valid(task.source.address), "key": task.key}
+    values |= {"source": readable(task.source.address), "key": task.key}
     return values | {"part": finding.get("source")}
-
-
-def _valid(address: str) -> str:
-    """An address as Unicode; file names may not be."""
-    return address.encode(errors="surrogateescape").decode(errors="replace")
 
 
 class _Table:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import orjson
 
+from h2nav.files.path_text import readable
 from h2nav.flights.folder import FlightFiles, FlightFolder, FlightRecord
 from h2nav.integrity.severity import Severity
 
@@ -252,7 +253,7 @@ def _row(
     if record is not None:
         row |= {name: record.summary[name] for name in _COLUMNS if name in record.summary}
         row |= {"error": record.error, "page": record.page, "document": record.document}
-    names = [_readable(each.name) for each in recordings]
+    names = [readable(each.name) for each in recordings]
     state = _state(folder, files, record)
     row |= {
         "id": flight,
@@ -323,11 +324,7 @@ def _storable(value: Any) -> Any:
     """A value that SQLite can hold, whatever an edited record says."""
     if value is None or isinstance(value, str | float):
         return value
-    return int(value) if isinstance(value, int) and abs(value) < 1 << 62 else _readable(str(value))
-
-
-def _readable(name: str) -> str:
-    return name.encode(errors="surrogateescape").decode(errors="replace")
+    return int(value) if isinstance(value, int) and abs(value) < 1 << 62 else readable(str(value))
 
 
 def _date(unix_ns: int) -> str | None:

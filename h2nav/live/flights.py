@@ -22,6 +22,7 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, stream_request_body
 
 from h2nav.errors import BadInput
+from h2nav.files.path_text import readable
 from h2nav.files.whole_file import sync_folder
 from h2nav.flights.folder import UPLOADS, FlightFiles, flight_id
 from h2nav.flights.index import Question
@@ -287,8 +288,7 @@ class FlightRecording(_OfFlights):
             path = self.site.folder.path_of(name)
         except BadInput:
             raise HTTPError(404) from None
-        readable = path.name.encode(errors="surrogateescape").decode(errors="replace")
-        self.as_download(readable, "application/octet-stream")
+        self.as_download(readable(path.name), "application/octet-stream")
         await self.send_file(path)
 
 
