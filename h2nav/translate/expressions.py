@@ -343,12 +343,17 @@ class Expressions:
             if isinstance(a, Float) or isinstance(b, Float):
                 self.exact(left, a)
                 self.exact(right, b)
-            elif truth or len(operators) == 1:
+            elif (truth or len(operators) == 1) and not self._calls(test):
                 relation = type(operator) if truth else _OPPOSITE[type(operator)]
                 narrowed = self._restrict(narrowed, left, a, relation, b)
                 narrowed = self._restrict(narrowed, right, b, _MIRROR[relation], a)
             left = right
         return narrowed
+
+    def _calls(self, test: ast.expr) -> bool:
+        """Whether a kernel function is called, which may write what it is compared with."""
+        calls = (part.func for part in ast.walk(test) if isinstance(part, ast.Call))
+        return any(isinstance(f, ast.Name) and f.id in self._kernel.functions for f in calls)
 
     def _restrict(
         self,

@@ -98,6 +98,7 @@ def reached(body: str) -> Interval:
         "a = [0]\nif x > 0 or bump(a) > 9:\n    return 1\nreturn a[0]",
         "a = [0]\nif bump(a) > 9 or x > 0:\n    return a[0]\nreturn a[0]",
         "a = [0]\nz = a[0] if bump(a) > 0 else 1\nreturn z",
+        "a = [0]\nif a[0] < bump(a):\n    return a[0]\nreturn 1",
         "a = [0, 0]\na[1] = 1 if bump(a) > 0 else 2\nreturn a[0]",
         # what a comparison leaves of its operands, on either side
         "return x if x < 2 else 0",
