@@ -110,7 +110,7 @@ class WheelOdometry:
         """Forgets the last reading (new epoch, long silence); pose and covariance stay."""
         if self._last is not None:
             self._reset_counter += 1
-        self._last = None
+        self._last, self._stale_samples = None, 0
 
     def state(self) -> WheelState:
         """The complete state."""

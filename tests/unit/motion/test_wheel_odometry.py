@@ -101,6 +101,16 @@ def test_restart_keeps_the_pose():
     assert odometry.state().reset_counter == 1
 
 
+def test_a_restart_forgets_the_readings_that_were_not_later():
+    odometry = WheelOdometry(SETTINGS)
+    (sample,) = circle(1)
+    run(odometry, [sample] * NEW_EPOCH_SAMPLES)
+    odometry.restart()
+    run(odometry, [sample] * NEW_EPOCH_SAMPLES)
+    assert odometry.counts[WheelEvent.NEW_EPOCH] == 0
+    assert odometry.counts[WheelEvent.NOT_LATER] == 2 * (NEW_EPOCH_SAMPLES - 1)
+
+
 def test_split_and_restore_is_identical():
     samples = list(circle(30))
     samples[9] = samples[9]._replace(ways=(math.nan, 0.0))
