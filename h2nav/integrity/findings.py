@@ -21,8 +21,8 @@ PAUSE_S = 10.0
 LEVELS = frozenset({Kind.VIBRATION, Kind.CLIPPING, Kind.CLIPPED_SAMPLES})
 LINGER_S = 10.0
 LEVEL_PAUSE_S = 300.0
-# Per run; further ones are counted but not kept.
-MAX_FINDINGS = 500
+# Per run; further ones are not kept. What comes and goes for days leaves the last places to errors.
+MAX_FINDINGS, MAX_LESSER_FINDINGS = 500, 450
 # A finding is reported again when it grows, and periodically for late clients.
 UPDATE_S = 5.0
 REPEAT_S = 60.0
@@ -298,7 +298,8 @@ class Findings:
         if known is not None:
             self._entries[known].extend(t_s, alarm)
             return known
-        if len(self._entries) == MAX_FINDINGS:
+        is_error = alarm.severity <= Severity.ERROR
+        if len(self._entries) >= (MAX_FINDINGS if is_error else MAX_LESSER_FINDINGS):
             return None
         place, key = len(self._entries), (alarm.kind, alarm.sensor)
         opposed = [

@@ -6,6 +6,7 @@ import pytest
 
 from h2nav.integrity.findings import (
     MAX_FINDINGS,
+    MAX_LESSER_FINDINGS,
     PAUSE_S,
     REPEAT_S,
     UPDATE_S,
@@ -114,6 +115,16 @@ def test_they_do_not_grow_without_bound():
     for number in range(MAX_FINDINGS + 7):
         findings.update(float(number), [alarm(Sensor(SensorKind.IMU, number))])
     assert len(findings.all) == MAX_FINDINGS
+
+
+def test_what_comes_and_goes_for_days_hides_no_error():
+    findings = Findings()
+    for number in range(MAX_FINDINGS):
+        lesser = alarm(Sensor(SensorKind.IMU, number), severity=Severity.WARNING)
+        findings.update(float(number), [lesser])
+    assert len(findings.all) == MAX_LESSER_FINDINGS
+    assert findings.update(float(MAX_FINDINGS), [alarm()]).begun
+    assert findings.all[-1].severity is Severity.ERROR
 
 
 def test_the_imu_is_named_where_one_is_concerned():
