@@ -54,9 +54,11 @@ class Pulse:
 
     def is_progressing(self, t_ns: int) -> bool:
         """False if samples were used, the autopilot is present, and no sample is used any more."""
-        if self.sample_ns is None or not self.is_heard(t_ns):
+        used_ns, bound_ns = self.sample_ns, self._bound_ns
+        if used_ns is None or not self.is_heard(t_ns):
             return True
-        return t_ns - self.sample_ns < HANGING_NS
+        is_of_former = bound_ns is not None and used_ns < bound_ns
+        return is_of_former or t_ns - used_ns < HANGING_NS
 
     def stall_ns(self, t_ns: int) -> int:
         """Length of our own stall while it still affects what has arrived, otherwise 0."""

@@ -34,6 +34,16 @@ def test_who_uses_no_samples_for_five_seconds_of_a_present_autopilot_hangs():
     assert pulse.is_progressing(9 * S + 1)
 
 
+def test_an_autopilot_of_which_no_sample_was_used_yet_is_waited_for():
+    pulse = Pulse()
+    pulse.sample(S, is_fresh=True)
+    pulse.bound(20 * S)
+    pulse.heartbeat(26 * S)
+    assert pulse.is_progressing(26 * S)
+    pulse.sample(20 * S, is_fresh=True)
+    assert not pulse.is_progressing(26 * S)
+
+
 def test_the_time_between_samples():
     pulse = Pulse()
     assert (pulse.sample_ns, pulse.sample_gap_ns) == (None, None)
