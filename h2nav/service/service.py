@@ -441,8 +441,10 @@ class Service:
         self._units = UnitsCheck()
         self._wanted.on_binding(identity, self._estimation.timing.parameter)
         self._routing.on_binding(identity)
+        # What was found of the former one ends now: this one's messages may never come.
+        ended = self._judgement.look(t_ns, at_once=True) if self._judgement.alarms else []
         bound = self._notices.report(t_ns, Severity.INFO, f"bound to {identity.description}")
-        return [*bound, self._delays_record()]
+        return [*ended, *bound, self._delays_record()]
 
     def on_imu(self, envelope: Envelope, reading: ImuReading) -> list[Effect]:
         """Takes an IMU message for which `on_arrival` has just returned True."""

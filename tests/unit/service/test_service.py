@@ -5,6 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.files.earth_field import earth_field_at
+from h2nav.integrity.findings import Kind
 from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.service.effects import Notice, Record, Send
 from h2nav.service.service import Service, Surroundings
@@ -86,6 +87,21 @@ def test_the_units_of_another_autopilot_are_looked_at_anew() -> None:
     ]
 
 
+def test_faults_of_another_autopilot_end_when_this_one_is_bound() -> None:
+    bench = Bench()
+    bench.rests((1, 1), 0.5, GRAVITY_M_S2)
+    for _ in range(100):
+        bench.rests((1, 1), 0.01, GRAVITY_M_S2)  # the first sample, again and again
+    assert [found.kind for found in bench.service.open_findings] == [Kind.IMU_FROZEN]
+    beat = Heartbeat(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR, False)
+    for _ in range(12):
+        bench.t_us += US_PER_SECOND
+        bench._hears((2, 1), HEARTBEAT_ID, beat)
+    assert bench.service.bound_to.endswith("2/1")
+    assert not bench.service.open_findings
+    assert bench.service.findings
+
+
 def test_an_attitude_from_before_a_reboot_is_not_handed_out() -> None:
     bench = Bench()
     attitude_id = mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION
@@ -110,7 +126,7 @@ def test_a_landed_state_that_lasts_is_passed_to_the_filter_once() -> None:
     bench.is_armed = True
     bench.rests((1, 1), 3, GRAVITY_M_S2)
     passed = []
-    for _ in range(10):
+    for _ in range(100):
         bench.rests((1, 1), 0.1, GRAVITY_M_S2)
         bench.t_us += US_PER_SECOND
         t_ns = 1000 * bench.t_us
