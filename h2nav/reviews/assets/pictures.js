@@ -371,7 +371,7 @@ function heat(picture) {
     const column = nearest(plot.data[0][at]);
     const part = levels.subarray(column * rows, (column + 1) * rows);
     const row = part.reduce((best, v, k) => v > part[best] ? k : best, 0);
-    return part[row] ? `${(row / (rows - 1) * picture.to_hz).toFixed(0)} Hz` : "–";
+    return part[row] ? `${((row + 1) / rows * picture.to_hz).toFixed(0)} Hz` : "–";
   };
   const grid = times(2000);
   const options = onTime({
