@@ -46,10 +46,12 @@ def look(evidence: FlightEvidence) -> list[Finding]:
     track = evidence.of(parts.soundest_as_recorded)
     if track is None:
         return []
+    # Where only the log pauses nobody disarmed it.
+    paused_s = {pause.from_s for pause in evidence.of(parts.paused)}
     stops = [
         (span.to_s, "disarmed")
         for span in evidence.of(parts.logged_armed)
-        if span.to_s < track.t_s[-1]
+        if span.to_s < track.t_s[-1] and span.to_s not in paused_s
     ]
     stops += _switched_off(evidence)
     fell = ((t_s, how) for t_s, how in sorted(stops) if np.isfinite(falls_from_s(track, t_s)))

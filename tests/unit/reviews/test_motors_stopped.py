@@ -28,7 +28,7 @@ def falling(lasts_s=1.0, left_g=0.05, carried_g=1.0, later_s=0.0):
 
 
 def found_in(track, disarmed_s=END_S + 1.0, share=0.5, off_share=None, off_s=2.0, bins=None,
-             said=(), numbers=(1, 2, 3, 4), has_flown=True, crashed_s=()):  # fmt: skip
+             said=(), numbers=(1, 2, 3, 4), has_flown=True, crashed_s=(), paused=()):  # fmt: skip
     shares = np.full((len(OUTPUTS_S), len(numbers)), share)
     if off_share is not None:
         off = (OUTPUTS_S > AT_S - 0.05) & (AT_S + off_s - 0.05 > OUTPUTS_S)
@@ -42,6 +42,7 @@ def found_in(track, disarmed_s=END_S + 1.0, share=0.5, off_share=None, off_s=2.0
                 parts.recorded: Context(motors=motors if numbers else None, said=said),
                 parts.bins: flying_bins(END_S) if bins is None else bins,
                 parts.flown: has_flown,
+                parts.paused: paused,
                 parts.crashes: [SimpleNamespace(t_s=t_s) for t_s in crashed_s],
             }
         )
@@ -77,6 +78,12 @@ def test_few_samples_show_no_fall():
     track = imu_track(seldom.t_s[rows], f_b=seldom.f_b[rows])
     assert np.isnan(falls_from_s(track, AT_S))
     assert np.isfinite(falls_from_s(imu_track(T_S[::4], f_b=seldom.f_b[::4]), AT_S))
+
+
+def test_where_a_log_pauses_nobody_disarmed_it():
+    track = falling(lasts_s=0.5, later_s=-0.6)
+    assert found_in(track, disarmed_s=AT_S)
+    assert not found_in(track, disarmed_s=AT_S, paused=(Span(AT_S, AT_S + 1.5, ""),))
 
 
 def test_disarmed_in_the_air():
