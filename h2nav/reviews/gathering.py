@@ -109,10 +109,9 @@ def _joined(one: Finding, other: Finding) -> Finding:
     number, others = one.sensor.number, (*one.sensor.others, *other.sensor.numbers)
     sensor = one.sensor._replace(number=number, others=tuple(sorted(others)))
     evidence = f"{one.evidence}; {other.sensor.name} alike"
-    if one.evidence != other.evidence and not one.sensor.others:
-        evidence = f"{one.sensor.name}: {one.evidence}; {other.sensor.name}: {other.evidence}"
-    elif one.evidence != other.evidence:
-        evidence = f"{one.evidence}; {other.sensor.name}: {other.evidence}"
+    if not _is_alike(one, other):
+        first = one.evidence if one.sensor.others else f"{one.sensor.name}: {one.evidence}"
+        evidence = f"{first}; {other.sensor.name}: {other.evidence}"
     return largest._replace(
         id=one.id,
         sensor=sensor,
@@ -120,6 +119,13 @@ def _joined(one: Finding, other: Finding) -> Finding:
         to_s=max(one.to_s, other.to_s),
         evidence=evidence,
     )
+
+
+def _is_alike(one: Finding, other: Finding) -> bool:
+    """Whether the evidence is the same, but for the sensors that were found alike before."""
+    names = (one.sensor._replace(number=n, others=()).name for n in one.sensor.others)
+    before = tuple(f"{other.evidence}; {name} alike" for name in names)
+    return one.evidence == other.evidence or one.evidence.startswith(before)
 
 
 def _overlap(one: Finding, other: Finding) -> bool:
