@@ -102,9 +102,9 @@ class LogFile:
 
     def attach(self, attachment: Attachment, unix_ns: int) -> None:
         """Adds a file to the log."""
-        self._writer.add_attachment(
-            unix_ns, unix_ns, attachment.name, attachment.media_type, attachment.data
-        )
+        name, media_type, data = attachment
+        name.encode()  # raises here, not in the library in the middle of a record
+        self._writer.add_attachment(unix_ns, unix_ns, name, media_type, data)
 
     def describe(self, name: str, mapping: Mapping[str, str]) -> None:
         """Adds named texts (MCAP metadata)."""

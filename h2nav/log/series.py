@@ -182,14 +182,7 @@ class LogSeries:
             self._adopt_headers()
         if self._file is None:
             self.lost += 1
-            return
-        try:
-            write(self._file)
-        except OSError as error:
-            self._fail(error)
-        except Exception as error:  # one message must never end the recording of the others
-            self.rejected += 1
-            self._report_once(f"not recorded: {type(error).__name__}: {error}")
+        self._try(write)
 
     def tend(self) -> None:
         """Does what is due: new attachments, flush to disk, rotation, retry."""
@@ -245,6 +238,9 @@ class LogSeries:
                 write(self._file)
             except OSError as error:
                 self._fail(error)
+            except Exception as error:  # one message must never end the recording of the others
+                self.rejected += 1
+                self._report_once(f"not recorded: {type(error).__name__}: {error}")
 
     def _adopt_headers(self) -> None:
         while self._new_headers:

@@ -260,6 +260,22 @@ def test_messages_that_cannot_be_written_do_not_end_the_recording(
     assert len(series.notices) == 3, "each kind is told once"
 
 
+def test_an_attachment_that_cannot_be_written_does_not_end_the_recording(
+    tmp_path: Path, clock: ManualClock
+) -> None:
+    series = series_in(tmp_path, clock)
+    for name in ("gains/\udc80", "gains/a"):
+        attachment = Attachment(name, "application/yaml", b"a: 1")
+        series.keep("attachment", name, lambda file, one=attachment: file.attach(one, 1))
+    series.begin()
+    put(series, 1)
+    series.end()
+    (path,) = our_logs(tmp_path)
+    assert (numbers_in(path), series.rejected) == ([1], 1)
+    assert open_recording(path).attachments.keys() == {"gains/a"}
+    assert "UnicodeEncodeError" in series.notices[0].text
+
+
 def test_a_source_time_that_mcap_cannot_hold_gives_way_to_the_log_time(
     tmp_path: Path, clock: ManualClock
 ) -> None:
