@@ -166,7 +166,7 @@ static PyObject *bind(PyObject *self, PyObject *arguments)
         (size_t)b[0].len != kernel->state_size || (size_t)b[1].len != kernel->workspace_size ||
         (size_t)b[2].len != kernel->gains_size || (size_t)b[3].len != kernel->sample_size ||
         first < 0 || count < 0 ||
-        (size_t)(first + count) > kernel->sample_size / sizeof(double)) {
+        (size_t)first + (size_t)count > kernel->sample_size / sizeof(double)) {
         PyErr_SetString(PyExc_ValueError, "these are not the records of a kernel of doubles");
     } else {
         bound = PyObject_New(struct bound, bound_type);

@@ -12,11 +12,13 @@ from h2nav.attitude import batch, native
 from h2nav.attitude.constant_gain.filter import ConstantGainFilter
 from h2nav.attitude.constant_gain.gains import constant_gain_model
 from h2nav.attitude.filter import AttitudeFilter
-from h2nav.attitude.kernel_files import COMPILED, CONSTANT_GAIN
+from h2nav.attitude.kernel_files import COMPILED, CONSTANT_GAIN, VELOCITY_AIDED
+from h2nav.attitude.record import in_c, size_of
 from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
 from h2nav.attitude.velocity_aided.filter import VelocityAidedFilter
 from h2nav.attitude.velocity_aided.gains import velocity_aided_gains
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
+from h2nav.attitude.velocity_aided.memory import Gains, Sample, State, Workspace
 from h2nav.errors import BadInput
 from h2nav.files import gain_files
 
@@ -267,3 +269,24 @@ def test_the_compiled_kernels_refuse_buffers_that_do_not_fit() -> None:
     with pytest.raises(ValueError, match="no kernel of this number"):
         compiled.run(len(COMPILED), memory, bytearray(), gains, sample, out)
     compiled.run(number, memory, bytearray(), gains, sample, out)
+
+
+def test_a_bound_kernel_takes_numbers_for_fields_of_its_sample_only() -> None:
+    need_native()
+    compiled = native.native_kernels()
+    assert compiled is not None
+    number, count = COMPILED.index(VELOCITY_AIDED), size_of(Sample)
+    records = [in_c(State), in_c(Workspace), in_c(Gains), in_c(Sample)]
+    step = compiled.bind(number, *records, count - 2, 2)
+    for numbers in ((1.0,), (1.0, 2.0, 3.0), (1.0, "x")):
+        with pytest.raises(TypeError):
+            step(*numbers)
+    largest = (1 << 63) - 1
+    for first, length in ((count - 1, 2), (-1, 2), (0, -1), (1, largest), (largest, largest)):
+        with pytest.raises(ValueError, match="not the records of a kernel of doubles"):
+            compiled.bind(number, *records, first, length)
+    for wrong in ([*records[:3], in_c(State)], [in_c(Sample), *records[1:]]):
+        with pytest.raises(ValueError, match="not the records"):
+            compiled.bind(number, *wrong, 0, 1)
+    with pytest.raises(ValueError, match="not the records"):
+        compiled.bind(COMPILED.index(CONSTANT_GAIN), *records, 0, 1)
