@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 DAY_NS = 86_400 * 1_000_000_000
+# A computer without a clock of its own begins in 1970, 1980 or 2000: what it dates has no age.
+FIRST_DATED_NS = 14_610 * DAY_NS  # 2010
 
 
 class RetentionLimits(NamedTuple):
@@ -38,9 +40,9 @@ def to_delete(
     for each in kept:
         if not each.is_reviewed or each.changed_ns == newest:
             continue
-        age_ns = unix_ns - each.changed_ns
-        is_old = limits.age_days > 0 and age_ns > limits.age_days * DAY_NS and not each.has_errors
-        if is_old or 0 < limits.size_bytes < taken:
+        is_dated = each.changed_ns >= FIRST_DATED_NS and limits.age_days > 0
+        is_old = is_dated and unix_ns - each.changed_ns > limits.age_days * DAY_NS
+        if (is_old and not each.has_errors) or 0 < limits.size_bytes < taken:
             deleted.append(each.id)
             taken -= each.size
     return tuple(deleted)
