@@ -47,6 +47,8 @@ def run(args: argparse.Namespace) -> int:
         Session(_listening(args.connect), console) as session,
     ):
         session.run(stop, args.seconds)
+        if stop.stopped:  # what was heard so far says nothing of the rest
+            raise KeyboardInterrupt
         found = verdict_of(session.service)
     if args.json:
         print_json(found)

@@ -12,6 +12,7 @@ from daemon_process import H2NAV, WAIT_S, daemon
 
 from h2nav import __version__
 from h2nav.apps import setup
+from h2nav.apps.session import Session
 from h2nav.cli import BAD_INPUT, COMMANDS, GROUPS, THREADS, main
 
 
@@ -195,6 +196,13 @@ def test_ctrl_c_is_one_line_and_130(monkeypatch, capsys):
     monkeypatch.setattr(importlib.import_module("h2nav.apps.check_config"), "run", interrupted)
     assert main(["check-config", "x"]) == 130
     assert capsys.readouterr().err == "h2nav: interrupted\n"
+
+
+def test_a_check_before_arming_that_is_interrupted_gives_no_verdict(monkeypatch, capsys):
+    monkeypatch.setattr(Session, "run", lambda _, stop, seconds: stop.stop())
+    assert main(["check", "--connect", "udpin:127.0.0.1:0"]) == 130
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "h2nav: interrupted\n")
 
 
 @pytest.mark.parametrize("name", ["stdin", "stdout", "stderr"])
