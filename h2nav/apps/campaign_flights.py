@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import socket
 import time
 from array import array
 from typing import Any
@@ -15,6 +16,7 @@ from h2nav.evaluation.campaign.draw import Draw
 from h2nav.evaluation.campaign.flight import HOST_NS, UNIX_S, events, place_of, simulated
 from h2nav.evaluation.campaign.scores import HeardDraw, score
 from h2nav.files.earth_field import earth_field_at
+from h2nav.fleet.program import program_digest
 from h2nav.integrity.findings import Finding, Phase, Severity
 from h2nav.service.service import Service, Surroundings
 from h2nav.wire.deframer import Frame
@@ -82,6 +84,17 @@ def fly(draw: Draw) -> dict[str, Any]:
         time.process_time() - started_s,
     )
     return score(flight, heard)
+
+
+def fly_by(program: str, draw: Draw) -> dict[str, Any]:
+    """The same on a cluster's worker, if it has this program (`program_digest`).
+
+    Raises:
+        BadInput: it has another one.
+    """
+    if program_digest() != program:
+        raise BadInput(f"{socket.gethostname()}: another h2nav than here; install the same one")
+    return fly(draw)
 
 
 def _field(draw: Draw) -> EarthField:

@@ -1,6 +1,7 @@
 """`h2nav evaluate campaign`: flies drawn flights through the service, and scores them."""
 
 import argparse
+import functools
 import hashlib
 import json
 import os
@@ -13,7 +14,7 @@ from typing import Any
 from tqdm import tqdm
 
 from h2nav.apps import extras
-from h2nav.apps.campaign_flights import fly
+from h2nav.apps.campaign_flights import fly, fly_by
 from h2nav.apps.json_output import json_text, print_json
 from h2nav.errors import BadInput
 from h2nav.evaluation.campaign.blame import SCORED_FAULTS
@@ -164,10 +165,11 @@ def _flown(tasks: Sequence[Draw], args: argparse.Namespace) -> Iterator[dict[str
         return
     from distributed import as_completed
 
+    from h2nav.fleet.program import program_digest
     from h2nav.fleet.running import cluster
 
     with cluster(args.scheduler, 0, 0) as client:
-        futures = client.map(fly, tasks, pure=False)
+        futures = client.map(functools.partial(fly_by, program_digest()), tasks, pure=False)
         for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
             yield future.result()
             future.release()

@@ -6,8 +6,10 @@ import pytest
 import yaml
 from needs import REPOSITORY, need_package
 
-from h2nav.apps import evaluate_campaign
+from h2nav.apps import campaign_flights, evaluate_campaign
 from h2nav.cli import main
+from h2nav.errors import BadInput
+from h2nav.evaluation.campaign.draw import Draw
 
 SHIPPED = REPOSITORY / "configs" / "campaign.yaml"
 
@@ -124,3 +126,11 @@ def test_a_fault_that_no_campaign_scores_is_refused(tmp_path, capsys):
     path.write_text("seed: 1\nfaults: ['gyro-zero@40+20', 'drop@40+20']\n")
     assert campaign("--draw", path) == 2
     assert f"{path}: faults: no campaign has drop; leave it out" in capsys.readouterr().err
+
+
+def test_a_worker_of_another_program_flies_nothing(monkeypatch):
+    monkeypatch.setattr(campaign_flights, "fly", lambda draw: {"seed": draw.seed})
+    monkeypatch.setattr(campaign_flights, "program_digest", lambda: "this")
+    assert campaign_flights.fly_by("this", Draw(3)) == {"seed": 3}
+    with pytest.raises(BadInput, match="another h2nav than here"):
+        campaign_flights.fly_by("another", Draw(3))
