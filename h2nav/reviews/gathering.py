@@ -82,13 +82,18 @@ def merged(findings: Iterable[Finding]) -> list[Finding]:
     Differing evidence is kept.
     """
     found: list[Finding] = []
+    shown: list[list[Finding]] = []  # what each is made of
     for one in findings:
         place = next((i for i, other in enumerate(found) if _is_same(other, one)), None)
         if place is None:
             found.append(one)
+            shown.append([one])
         else:
             found[place] = _joined(found[place], one)
-    return found
+            shown[place].append(one)
+    return [
+        one._replace(evidence=_evidence(*parts)) for one, parts in zip(found, shown, strict=True)
+    ]
 
 
 def identified(findings: Iterable[Finding]) -> list[Finding]:
@@ -108,24 +113,25 @@ def _joined(one: Finding, other: Finding) -> Finding:
     largest = max(one, other, key=lambda each: each.size)
     number, others = one.sensor.number, (*one.sensor.others, *other.sensor.numbers)
     sensor = one.sensor._replace(number=number, others=tuple(sorted(others)))
-    evidence = f"{one.evidence}; {other.sensor.name} alike"
-    if not _is_alike(one, other):
-        first = one.evidence if one.sensor.others else f"{one.sensor.name}: {one.evidence}"
-        evidence = f"{first}; {other.sensor.name}: {other.evidence}"
     return largest._replace(
         id=one.id,
         sensor=sensor,
         from_s=min(one.from_s, other.from_s),
         to_s=max(one.to_s, other.to_s),
-        evidence=evidence,
     )
 
 
-def _is_alike(one: Finding, other: Finding) -> bool:
-    """Whether the evidence is the same, but for the sensors that were found alike before."""
-    names = (one.sensor._replace(number=n, others=()).name for n in one.sensor.others)
-    before = tuple(f"{other.evidence}; {name} alike" for name in names)
-    return one.evidence == other.evidence or one.evidence.startswith(before)
+def _evidence(first: Finding, *others: Finding) -> str:
+    """What several show, the same only once."""
+    if not others:
+        return first.evidence
+    alike = [one.evidence == first.evidence for one in others]
+    parts = [first.evidence if all(alike) else f"{first.sensor.name}: {first.evidence}"]
+    parts += [
+        f"{one.sensor.name} alike" if is_alike else f"{one.sensor.name}: {one.evidence}"
+        for one, is_alike in zip(others, alike, strict=True)
+    ]
+    return "; ".join(parts)
 
 
 def _overlap(one: Finding, other: Finding) -> bool:

@@ -58,7 +58,7 @@ def test_of_several_the_widest_time_the_largest_size_and_all_evidence_are_kept()
     (one,) = merged([finding(number=number) for number in (1, 2, 3)])
     assert one.evidence == "seen; compass 2 alike; compass 3 alike"
     (one,) = merged([*parts[:1], parts[0]._replace(sensor=Sensor(SensorKind.COMPASS, 1)), parts[2]])
-    assert one.evidence == "one; compass 1 alike; compass 2: three"
+    assert one.evidence == "compass 3: one; compass 1 alike; compass 2: three"
 
 
 def test_everyone_has_a_name_of_his_own():
