@@ -139,7 +139,8 @@ class StreamRequests:
         elif result == mavlink.MAV_RESULT_UNSUPPORTED:
             self._waiting = None
             self._unanswered = UNANSWERED_BEFORE_FALLBACK
-            stream.unanswered(t_ns, at_once=True)
+            # Without a group it can only be asked for the same way again.
+            stream.unanswered(t_ns, at_once=stream.message_id in DATA_STREAMS)
         elif result in ANSWERED_WELL:
             self._waiting = None
             self._granted(t_ns, stream)

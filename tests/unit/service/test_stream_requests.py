@@ -373,6 +373,18 @@ def test_an_autopilot_that_does_not_know_the_command_gets_the_old_request():
     assert types[:2] == ["COMMAND_LONG", "REQUEST_DATA_STREAM"]
 
 
+def test_what_only_an_unknown_command_can_ask_for_is_asked_more_and_more_rarely():
+    requests, asked_s = StreamRequests((WantedStream(LANDED, 1.0),)), []
+    for t_ns in range(0, 600 * SECOND_NS, SECOND_NS // 10):
+        requests.heard(t_ns)
+        requests.measure(t_ns)
+        if requests.next_request(t_ns, TARGET) is not None:
+            asked_s.append(t_ns // SECOND_NS)
+            requests.acknowledged(t_ns, mavlink.MAV_RESULT_UNSUPPORTED)
+    assert len(asked_s) <= 15
+    assert asked_s[-1] >= 530
+
+
 def test_a_lost_request_is_repeated_after_a_second():
     talk = Talk((WantedStream(RAW, 100.0),))
     talk.mute = True
