@@ -17,14 +17,13 @@ from h2nav.reviews.inertial import (
     LONGEST_STEP_S,
     Attitudes,
     conjugate,
-    exponential,
+    held_s,
     interpolated,
     noise,
     rotate,
-    unit,
     within,
 )
-from h2nav.reviews.receiver_fit import Moves
+from h2nav.reviews.receiver_fit import Moves, carried
 from h2nav.reviews.tracks import Bias
 
 # Length on each side of a jump, and the excluded time around it.
@@ -120,7 +119,7 @@ def _jumps(
 
     NaN where it was not steady before, or where the halves of a window show different biases.
     """
-    q_s = _carried(track, bias_b)
+    q_s = carried(track, bias_b, held_s(track.t_s))
     sums = track.t_s, _sums(track, q_s)
     edges = at_s + np.array([-1.0, -0.5, 0.0, 0.0, 0.5, 1.0])[:, None] * STEP_WINDOW_S
     edges += np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * GUARD_S
@@ -174,7 +173,7 @@ def _sums(track: ImuTrack, q_s: Array) -> Array:
 
 def _turn_variance(track: ImuTrack, from_s: Array, to_s: Array) -> Array:
     """(M,) of the gyro's turn from one time to another, rad^2."""
-    dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
+    dt_s = held_s(track.t_s)
     path = np.cumsum(np.linalg.norm(track.w_b, axis=1) * dt_s)
     sums = np.column_stack((path, noise(track.w_b, dt_s)))
     change = interpolated(to_s, track.t_s, sums) - interpolated(from_s, track.t_s, sums)
@@ -210,17 +209,6 @@ def _bias(one: _Half, two: _Half) -> tuple[Array, Array]:
         np.linalg.norm(apart[:, :3], axis=1), np.linalg.norm(apart[:, 3:], axis=1)
     )
     return bias, left
-
-
-def _carried(track: ImuTrack, bias_b: Array) -> Array:
-    """(N, 4) turn of the body since the first sample, by the gyro alone."""
-    dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
-    q = exponential((track.w_b - bias_b) * dt_s[:, None])
-    reach = 1
-    while reach < len(q):  # products of two, of four, of eight...
-        q[reach:] = product(q[:-reach].copy(), q[reach:])
-        reach *= 2
-    return unit(q)
 
 
 def _findings(imu: int, at_s: Array, jumps: Array, size: Array, *, is_alone: bool) -> list[Finding]:

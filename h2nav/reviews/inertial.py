@@ -141,6 +141,12 @@ def logarithm(q: Array) -> Array:
     return phi
 
 
+def held_s(t_s: Array) -> Array:
+    """(N,) for how long each sample holds: since the one before, unless that is long ago."""
+    held: Array = np.clip(np.diff(t_s, prepend=t_s[:1]), 0.0, LONGEST_STEP_S)
+    return held
+
+
 def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
     """(M - 1, 4) turn of the body between successive times, by the gyro alone.
 
@@ -150,7 +156,7 @@ def turns(t_s: Array, w_b: Array, edges_s: Array) -> Array:
     """
     place = np.clip(np.searchsorted(t_s, edges_s, side="right"), 1, len(t_s))
     counts = np.diff(place)
-    dt = np.clip(np.diff(t_s, prepend=t_s[0]), 0.0, LONGEST_STEP_S)
+    dt = held_s(t_s)
     found = np.tile([1.0, 0.0, 0.0, 0.0], (len(counts), 1))
     # Spans of similar length together: products of pairs, then of pairs of pairs, and so on.
     doublings = np.ceil(np.log2(np.maximum(counts, 1))).astype(np.intp)

@@ -16,11 +16,11 @@ from h2nav.maths.rows import product
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import Array, ImuTrack
 from h2nav.reviews.inertial import (
-    LONGEST_STEP_S,
     Attitudes,
     Mask,
     conjugate,
     exponential,
+    held_s,
     interpolated,
     rotate,
     unit,
@@ -111,7 +111,7 @@ def gained(
         moves (M,) their times, (M, 3) the velocity that the force has gained, in that frame, and
         (M, 3) the measured one without gravity's, NED, m/s.
     """
-    dt_s = np.clip(np.diff(track.t_s, prepend=track.t_s[:1]), 0.0, LONGEST_STEP_S)
+    dt_s = held_s(track.t_s)
     q_sb = carried(track, bias_b, dt_s)
     force = rotate(q_sb, track.f_b)
     force[1:] = 0.5 * (force[1:] + force[:-1])
