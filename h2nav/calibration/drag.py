@@ -67,9 +67,10 @@ def calibrate_drag(flights: Sequence[Evidence]) -> Outcome:
     fit = fitted_drag(rows, is_whole_speed=is_px4)
     range_x, range_y = excited(fit)
     figures = _figures(fit) | {"speed_range_x_m_s": range_x, "speed_range_y_m_s": range_y}
-    own = own._replace(figures=figures, wind_n_m_s=_wind(rows, fit, len(flights) - 1))
+    own = own._replace(figures=figures)
     if (fit.weight < 0.5).mean() > UNFIT:
         return own._replace(left=("forces and speeds contradict each other",))
+    own = own._replace(wind_n_m_s=_wind(rows, fit, len(flights) - 1))
     if min(range_x, range_y) < MIN_RANGE_M_S:
         why = f"speeds over {range_x:.0f} m/s along x and {range_y:.0f} along y show no drag"
         return own._replace(left=(f"{why}: fly steps of speed ahead and aside",))

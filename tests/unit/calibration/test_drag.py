@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from h2nav.calibration.drag import calibrate_drag, rows_of
+from h2nav.calibration.drag import DRAG_WINDOW_S, calibrate_drag, rows_of
 from h2nav.calibration.drag_fit import DragRows, excited, fitted_drag
 from h2nav.maths.air import SEA_LEVEL_KG_M3
 from h2nav.maths.rows import from_euler
@@ -108,6 +108,20 @@ def test_a_hover_shows_no_drag():
     outcome = calibrate_drag([flown(speeds=(0.0, 0.5), wind=0.0 * WIND)])
     assert outcome.changes == ()
     assert "steps of speed" in outcome.left[0]
+
+
+def test_forces_that_contradict_the_speeds_show_neither_drag_nor_wind():
+    flight = flown()
+    (track,) = flight.context.imus
+    rng = np.random.default_rng(5)
+    window = (track.t_s / DRAG_WINDOW_S).astype(int)
+    f_b = track.f_b.copy()
+    f_b[:, 0] += np.where(rng.random(window.max() + 1) < 0.4, 4.0, 0.0)[window]
+    context = flight.context._replace(imus=(track._replace(f_b=f_b),))
+    flight = flight._replace(flight=flight.flight._replace(context=context))
+    outcome = calibrate_drag([flight])
+    assert "contradict" in outcome.left[0]
+    assert (outcome.changes, outcome.wind_n_m_s) == ((), None)
 
 
 def test_one_axis_alone_is_not_enough():
