@@ -92,6 +92,13 @@ class FieldEvidence:
             return None
         return windows.is_plausible
 
+    @property
+    def largest_heading_error_rad(self) -> float | None:
+        """How far a heading may be off by it; None if its norm or dip are not the earth's."""
+        if not self.fits:
+            return None
+        return abs(self.windows.heading_error_rad) + self.windows.turn_by_iron_rad
+
     def shown_errors(
         self, ratios: InnovationRatios, *, on_ground: bool
     ) -> tuple[list[float], list[float]]:

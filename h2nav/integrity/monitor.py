@@ -369,6 +369,11 @@ class Monitor(TakesInputs):
         return self._field.fits
 
     @property
+    def error_by_compass_rad(self) -> float | None:
+        """How far the heading may be off by the field; None if that shows nothing."""
+        return None if self.field_is_frozen else self._field.largest_heading_error_rad
+
+    @property
     def heading_is_shown(self) -> bool:
         """Whether velocities have recently confirmed that the heading is roughly right."""
         shown_us, now_us = self._shown_us, self._strapdown.t_us

@@ -2,7 +2,8 @@
 
 Both are brought to one time on the autopilot's clock and compared in tilt and heading. A lasting
 difference beyond both deviations becomes an alarm, and the velocity of the GPS receiver decides
-which one it supports (`velocity_witness`). Nothing of it goes back into the filter.
+which one it supports (`velocity_witness`), or the compass if the other heading has jumped
+(`heading_jump`). Nothing of it goes back into the filter.
 """
 
 import math
@@ -12,6 +13,8 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.heading_jump import LASTING_US, HeadingJump
+from h2nav.integrity.spell import PAUSE_US, STALE_US, Spell
 from h2nav.integrity.velocity_witness import (
     NO_DOUBT,
     Integrated,
@@ -33,12 +36,11 @@ BEYOND = 3.0  # deviations
 MIN_DIFFERENCE_RAD = math.radians(3.0)
 # A disagreement is reported after the first time if it is plain, or if one side is known to be
 # right; otherwise after the second one.
-LASTING_US = 4_000_000
 UNDECIDED_US = 10_000_000
 PLAIN = 2.0  # limits
-# It ends when it has not been seen for this long.
-PAUSE_US = 1_000_000
-STALE_US = 2_000_000
+
+
+COMPASS_BACKS_US = "compass backs us"
 
 
 class AttitudeSource(Enum):
@@ -76,25 +78,6 @@ class Comparison(NamedTuple):
     verdicts: Verdicts  # by the velocity
 
 
-class _Spell:
-    """Duration of a condition, interruptions of `PAUSE_US` included."""
-
-    def __init__(self) -> None:
-        self._since_us: int | None = None
-        self.seen_us = 0
-
-    def look(self, t_us: int, *, is_so: bool) -> int | None:
-        """The duration, us; None if the condition does not hold."""
-        if is_so:
-            # After a time without checks nothing is known.
-            if self._since_us is None or t_us - self.seen_us > STALE_US:
-                self._since_us = t_us
-            self.seen_us = t_us
-        elif t_us - self.seen_us > PAUSE_US:
-            self._since_us = None
-        return None if self._since_us is None else t_us - self._since_us
-
-
 class _Disagreement:
     """One part of the attitude of one source."""
 
@@ -104,7 +87,7 @@ class _Disagreement:
         quality = QUALITIES[source]
         sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
         self._least_rad = max(BEYOND * sigma_rad, MIN_DIFFERENCE_RAD)
-        self._lasting, self._beyond = _Spell(), _Spell()
+        self._lasting, self._beyond = Spell(), Spell()
         self._is_reported = False
         self._alarm: Alarm | None = None
 
@@ -113,14 +96,22 @@ class _Disagreement:
         return self._alarm if t_us - self._lasting.seen_us <= PAUSE_US else None
 
     def look(
-        self, t_us: int, difference_rad: float, sigma_rad: float, verdict: VelocityVerdict
+        self,
+        t_us: int,
+        difference_rad: float,
+        sigma_rad: float,
+        verdict: VelocityVerdict,
+        *,
+        compass_backs_us: bool = False,
     ) -> None:
-        """Takes the newest difference; ignores a NaN sigma."""
+        """Takes the newest difference and who is right; ignores a NaN sigma."""
         size_rad = abs(difference_rad)
         limit_rad = max(self._least_rad, BEYOND * sigma_rad)
         # Once the velocity has decided, our deviation no longer matters.
         is_known = not math.isnan(sigma_rad)
-        decided = is_known and verdict is not VelocityVerdict.UNDECIDED
+        by_velocity = verdict is not VelocityVerdict.UNDECIDED
+        by_compass = compass_backs_us and not by_velocity
+        decided = is_known and (by_velocity or by_compass)
         lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
         beyond_us = self._beyond.look(t_us, is_so=is_known and size_rad > limit_rad)
         if lasted_us is None:
@@ -131,12 +122,19 @@ class _Disagreement:
         is_proved = decided and lasted_us >= LASTING_US
         self._is_reported |= is_plain or is_proved or beyond_us >= UNDECIDED_US
         if self._is_reported:
-            self._alarm = self._alarm_of(math.degrees(size_rad), lasted_us * 1e-6, verdict)
+            whose = COMPASS_BACKS_US if by_compass else verdict
+            self._alarm = self._alarm_of(math.degrees(size_rad), lasted_us * 1e-6, whose)
 
-    def _alarm_of(self, size_deg: float, since_s: float, verdict: VelocityVerdict) -> Alarm:
+    def _alarm_of(self, size_deg: float, since_s: float, verdict: VelocityVerdict | str) -> Alarm:
         source, part = self._source, self._part
         size = f"{size_deg:.0f} deg"
         text, whom, backs_us = {
+            COMPASS_BACKS_US: (
+                f"{source.value} {part} off {size}, {COMPASS_BACKS_US}",
+                "it left ours at once, where no gyro shows a turn, and the compass, whose dip and "
+                "norm are the earth's, agrees with h2nav",
+                True,
+            ),
             VelocityVerdict.H2NAV: (
                 f"{source.value} {part} off {size}, GPS backs us",
                 "GPS velocity agrees with h2nav",
@@ -179,9 +177,12 @@ class _Reporter:
         self.velocity = VelocityWitness(integrated)
         self.tilt = _Disagreement(source, "tilt")
         self.heading = _Disagreement(source, "heading")
+        self._jump = HeadingJump()
 
-    def compare(self, ours: AttitudeEstimate, q_nb: Quat) -> Comparison:
-        """Compares another attitude at the time of ours."""
+    def compare(
+        self, ours: AttitudeEstimate, q_nb: Quat, by_compass_rad: float | None
+    ) -> Comparison:
+        """Compares another attitude at the time of ours; see `Witness.report`."""
         turn_n = multiply(q_nb, conjugate(ours.q_nb))
         tilt_rad, heading_rad = tilt_and_heading(turn_n)
         self.velocity.differs(ours.t_us, ours.q_nb, turn_n, heading_rad)
@@ -199,8 +200,24 @@ class _Reporter:
             self.velocity.verdicts,
         )
         self.tilt.look(found.t_us, tilt_rad, found.sigma_tilt_rad, found.verdicts.tilt)
-        self.heading.look(found.t_us, heading_rad, found.sigma_heading_rad, found.verdicts.heading)
+        self._jump.look(found.t_us, ours.q_nb, heading_rad, by_compass_rad)
+        self.heading.look(
+            found.t_us,
+            heading_rad,
+            found.sigma_heading_rad,
+            found.verdicts.heading,
+            compass_backs_us=self._jump.compass_backs_us,
+        )
         return found
+
+
+class _Waiting(NamedTuple):
+    """A report of a time at which ours is not known yet."""
+
+    source: AttitudeSource
+    t_us: int
+    q_nb: Quat
+    by_compass_rad: float | None
 
 
 class Witness:
@@ -212,7 +229,7 @@ class Witness:
     def restart(self) -> None:
         """Restarts for another autopilot, or another clock."""
         self._past: deque[AttitudeEstimate] = deque()
-        self._waiting: deque[tuple[AttitudeSource, int, Quat]] = deque(maxlen=MAX_WAITING)
+        self._waiting: deque[_Waiting] = deque(maxlen=MAX_WAITING)
         self._integrated = Integrated()
         self._reporters = {source: _Reporter(source, self._integrated) for source in AttitudeSource}
         self._latest: Comparison | None = None
@@ -252,7 +269,7 @@ class Witness:
         while t_us - past[0].t_us > PAST_US:
             past.popleft()
         found: list[Comparison] = []
-        while self._waiting and self._waiting[0][1] <= t_us:
+        while self._waiting and self._waiting[0].t_us <= t_us:
             found += self._compare(*self._waiting.popleft())
         return found
 
@@ -262,12 +279,20 @@ class Witness:
             for reporter in self._reporters.values():
                 reporter.velocity.fix(fix, doubt)
 
-    def report(self, source: AttitudeSource, time_ms: int | None, q_nb: Quat) -> list[Comparison]:
+    def report(
+        self,
+        source: AttitudeSource,
+        time_ms: int | None,
+        q_nb: Quat,
+        by_compass_rad: float | None = None,
+    ) -> list[Comparison]:
         """Takes an attitude of the autopilot; stores it until ours of its time is known.
 
         Args:
             source: its estimator.
             time_ms: on the clock of our samples; None = that of our newest sample.
+            q_nb: body to NED.
+            by_compass_rad: how far our heading may be off by our compass; None = unknown.
         """
         if not self._past:
             return []
@@ -277,16 +302,18 @@ class Witness:
             ahead_us = (time_ms * 1000 - newest_us + CLOCK_WRAP_US // 2) % CLOCK_WRAP_US
             t_us += ahead_us - CLOCK_WRAP_US // 2
         if t_us <= newest_us:
-            return self._compare(source, t_us, q_nb)
+            return self._compare(source, t_us, q_nb, by_compass_rad)
         if t_us - newest_us <= LONGEST_GAP_US:
-            self._waiting.append((source, t_us, q_nb))
+            self._waiting.append(_Waiting(source, t_us, q_nb, by_compass_rad))
         return []
 
-    def _compare(self, source: AttitudeSource, t_us: int, q_nb: Quat) -> list[Comparison]:
+    def _compare(
+        self, source: AttitudeSource, t_us: int, q_nb: Quat, by_compass_rad: float | None
+    ) -> list[Comparison]:
         ours = self._ours_at(t_us)
         if ours is None:
             return []
-        found = self._reporters[source].compare(ours, q_nb)
+        found = self._reporters[source].compare(ours, q_nb, by_compass_rad)
         if source is AttitudeSource.AUTOPILOT:
             self._latest = found
         return [found]

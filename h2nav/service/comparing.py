@@ -77,11 +77,15 @@ class Comparing:
                 return latest
         return None
 
-    def on_report(self, t_ns: int, reported: ReportedAttitude) -> list[Effect]:
-        """Takes an attitude of the autopilot."""
+    def on_report(
+        self, t_ns: int, reported: ReportedAttitude, by_compass_rad: float | None
+    ) -> list[Effect]:
+        """Takes an attitude of the autopilot, and how far our heading may be off by our compass."""
         source = AttitudeSource.AHRS2 if reported.is_second else AttitudeSource.AUTOPILOT
         self._reports[source] = LatestReport(t_ns, source, reported.q_nb)
-        return _records(self.witness.report(source, reported.time_ms, reported.q_nb))
+        return _records(
+            self.witness.report(source, reported.time_ms, reported.q_nb, by_compass_rad)
+        )
 
 
 def _records(found: list[Comparison]) -> list[Effect]:

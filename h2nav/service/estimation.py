@@ -199,6 +199,14 @@ class Estimation:
         may_be_bent = sent.trust.sensor_is_bad or sent.monitor.may_be_bent
         return OwnDoubt(may_be_bent, sent.monitor.corrections, self._tilts_apart_rad)
 
+    @property
+    def error_by_compass_rad(self) -> float | None:
+        """How far the heading that is sent may be off by its compass; None = unknown."""
+        sent = self._sent
+        if sent is None or sent.compass_is_wrong or sent.intake.field_is_raw:
+            return None
+        return sent.monitor.error_by_compass_rad
+
     def objections(self, t_ns: int) -> tuple[Objection, ...]:
         """Lasting objections to the samples, such as a stuck axis."""
         return self._sent.intake.objections(t_ns) if self._sent else ()

@@ -341,9 +341,12 @@ class Service:
             return self._on_time_sync(envelope, message, owned)
         if owned:
             self._before_arming.on_message(message)
+        if not owned:
+            return []
         if isinstance(message, ReportedAttitude):
-            return self._comparing.on_report(envelope.t_ns, message) if owned else []
-        return self._on_vehicle_message(envelope.t_ns, message) if owned else []
+            by_compass_rad = self._estimation.error_by_compass_rad
+            return self._comparing.on_report(envelope.t_ns, message, by_compass_rad)
+        return self._on_vehicle_message(envelope.t_ns, message)
 
     def _asks_about_arming(self, sender: Sender, question: Question) -> bool:
         """Whether the bound autopilot requests an authorization, and the user enabled it."""

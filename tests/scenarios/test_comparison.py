@@ -50,6 +50,17 @@ def test_the_difference_is_shown_and_sent():
     assert flight.health.autopilot_heading_deg is None
 
 
+def test_a_heading_that_jumps_at_rest_is_told_as_theirs_by_the_compass():
+    flight = Answering("rest", configuration=Configuration(autopilot=QUIET))
+    agreed_s = SEEN_S + 10.0
+    flight.reports(agreed_s).reports(agreed_s + 5.0, turned_deg=60.0)
+    (finding,) = flight.pipeline.service.findings
+    assert finding.text == "autopilot heading off 60 deg, compass backs us"
+    assert finding.backs_us
+    flight.reports(agreed_s + 8.0)
+    assert not flight.pipeline.service.open_findings
+
+
 @pytest.mark.parametrize("sender", few(2, [US, (1, 2), (2, 1), (255, 190)]))
 def test_nobody_elses_attitude_is_taken_for_the_autopilots(sender):
     flight = Answering("rest", configuration=Configuration(autopilot=QUIET))

@@ -18,6 +18,7 @@ GOOD = Trust.ALIGNED | Trust.CONVERGED | Trust.YAW_REFERENCED
 STEP_US = 10_000
 REST = (0.0, 0.0, -GRAVITY_M_S2)
 DEG = math.pi / 180.0
+PLAIN_TEXT = "autopilot heading differs by 23 deg"
 
 
 def estimate(t_us, q_nb, trust=GOOD, w_b=(0.0, 0.0, 0.0)):
@@ -38,14 +39,21 @@ class Bench:
         self.t_us = 60_000_000
         self.found = []
 
-    def rests(self, seconds, theirs, source=AttitudeSource.AUTOPILOT, first_us=0):
+    def rests(
+        self,
+        seconds,
+        theirs,
+        source=AttitudeSource.AUTOPILOT,
+        first_us=0,
+        by_compass_rad=None,
+    ):
         for count in range(round(seconds * 1e6 / STEP_US)):
             self.t_us += STEP_US
             ours = estimate(self.t_us, yaw(0.0), self.trust)
             self.found += self.witness.add(ImuSample(self.t_us, (0.0, 0.0, 0.0), REST), ours)
             if count % 10 == 0 and theirs is not None:
                 time_ms = (self.t_us + first_us) // 1000
-                self.found += self.witness.report(source, time_ms, theirs)
+                self.found += self.witness.report(source, time_ms, theirs, by_compass_rad)
         return self.witness.alarms()
 
 
@@ -109,13 +117,30 @@ def test_a_plain_disagreement_is_told_after_four_seconds_and_ends():
     assert (alarm.kind, alarm.sensor.name) == ("autopilot_heading", "autopilot")
     assert alarm.severity is Severity.WARNING
     assert alarm.size == pytest.approx(23.0)
-    assert alarm.text == "autopilot heading differs by 23 deg"
+    assert alarm.text == PLAIN_TEXT
     assert alarm.evidence == (
         "heading of the autopilot differs by 23 deg since 4 s; no GPS velocity shows who is right"
     )
     assert not alarm.degrades
     assert alarm.since_s == pytest.approx(4.0, abs=0.2)
     assert bench.rests(1.5, yaw(0.0)) == ()
+
+
+@pytest.mark.parametrize(
+    ("by_compass_deg", "text"),
+    [(8.0, "autopilot heading off 23 deg, compass backs us"), (12.0, PLAIN_TEXT)],
+)
+@pytest.mark.parametrize("ahead_us", [0, 60_000])
+def test_the_compass_backs_us_where_their_heading_jumps(by_compass_deg, text, ahead_us):
+    bench = Bench()
+    for seconds, heading_deg in ((11.0, 2.0), (4.5, 23.0)):
+        bench.rests(
+            seconds, yaw(heading_deg), first_us=ahead_us, by_compass_rad=by_compass_deg * DEG
+        )
+    (alarm,) = bench.witness.alarms()
+    assert alarm.text == text
+    assert alarm.backs_us is (True if "backs us" in text else None)
+    assert not alarm.degrades
 
 
 def test_one_that_is_not_plain_is_told_after_ten_seconds():
