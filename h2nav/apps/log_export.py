@@ -65,7 +65,9 @@ def run(args: argparse.Namespace) -> int:
     """See `h2nav.cli.COMMANDS`."""
     from h2nav.apps.log_progress import byte_bar
     from h2nav.apps.recorded_log import as_log
+    from h2nav.recordings.opening import beginning_of
 
+    beginning_of(args.log)  # it can be read: what fails from here on is written
     try:
         with ExitStack() as stack:
             if args.to not in _OF_RECORDINGS:

@@ -614,6 +614,19 @@ def test_a_replay_that_the_disk_has_no_room_for_is_not_exported(
     assert not folder.exists()
 
 
+@pytest.mark.parametrize("form", ["csv", "tlog", "mcap"])
+def test_a_log_that_may_not_be_read_is_named_with_what_is_expected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    def refused(_: Path, *__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    log = write_log(tmp_path)
+    monkeypatch.setattr(Path, "open", refused)
+    assert main(["log", "export", str(log), "-o", str(tmp_path / "out"), "--to", form]) == 2
+    assert capsys.readouterr().err == f"h2nav: {log}: Permission denied; expected a recording\n"
+
+
 def test_what_an_autopilot_wrote_itself_has_no_frames_to_export(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
