@@ -17,9 +17,12 @@ _FLOATS = ("float", "double")
 
 
 def field_units(msg_id: int) -> dict[str, str]:
-    """Field -> unit as the dialect names it, such as ``rad/s``; fields without one are absent."""
-    units: dict[str, str] = ardupilotmega.mavlink_map[msg_id].fieldunits_by_name
-    return units
+    """Field -> unit as the dialect names it, such as ``rad/s``; fields without one are absent.
+
+    Of messages that the generated dialect does not have yet, no unit is known.
+    """
+    message = ardupilotmega.mavlink_map.get(msg_id)
+    return {} if message is None else dict(message.fieldunits_by_name)
 
 
 @cache
