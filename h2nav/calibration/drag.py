@@ -13,7 +13,7 @@ from h2nav.calibration.drag_fit import (
     excited,
     fitted_drag,
 )
-from h2nav.calibration.evidence import PX4, Evidence
+from h2nav.calibration.evidence import PX4, Evidence, with_velocity
 from h2nav.calibration.outcome import Outcome, ParameterChange
 from h2nav.calibration.regression import Array, halves_of, part_of, together
 from h2nav.maths.air import standard_density_kg_m3
@@ -96,7 +96,7 @@ def rows_of(evidence: Evidence, number: int) -> DragRows | None:
         number: of the flight.
     """
     context = evidence.context
-    gps = next((one for one in context.gps if one.has_fix.sum() > 1), None)
+    gps = evidence.gps
     tracks = [measuring(slowed(one), evidence.flight.findings) for one in context.imus]
     track: ImuTrack | None = next((one for one in tracks if len(one.t_s) > 1), None)
     if gps is None or track is None:
@@ -108,9 +108,7 @@ def rows_of(evidence: Evidence, number: int) -> DragRows | None:
     mean = means(track.t_s, np.hstack((track.f_b, track.w_b)), edges)
     attitude = evidence.attitude_of_tracks()
     q_nb = attitude.at(t_s)
-    fixed = gps.has_fix & np.isfinite(gps.v_n[:, :2]).all(axis=1)
-    if fixed.sum() < 2:
-        return None
+    fixed = with_velocity(gps)
     velocity = np.nan_to_num(gps.v_n[fixed])
     columns = np.column_stack((velocity, gps.altitude_m[fixed]))
     at_fix = interpolated(t_s + LAG_S, gps.t_s[fixed], columns)

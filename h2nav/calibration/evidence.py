@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from h2nav.recordings.board_trim import Trim
-from h2nav.recordings.context import Array, CompassTrack, Context, Series
+from h2nav.recordings.context import Array, CompassTrack, Context, GpsTrack, Series
 from h2nav.reviews.flight import Estimates, Flight
 from h2nav.reviews.inertial import Attitudes, Mask, attitudes, within
 
@@ -34,6 +34,11 @@ class Evidence(NamedTuple):
     def is_log(self) -> bool:
         """Whether the autopilot wrote it itself, with the arrival time of each fix."""
         return self.flight.kind in ("dataflash", "ulog")
+
+    @property
+    def gps(self) -> GpsTrack | None:
+        """The first receiver that shows velocities; None without one."""
+        return next((one for one in self.context.gps if with_velocity(one).sum() > 1), None)
 
     @property
     def trim(self) -> Trim:
@@ -79,6 +84,11 @@ class Evidence(NamedTuple):
         """While the motors could turn; everything if unknown."""
         armed = self.context.armed
         return within(t_s, armed) if armed else np.ones(len(t_s), dtype=bool)
+
+
+def with_velocity(gps: GpsTrack) -> Mask:
+    """(N,) fixes with a level velocity."""
+    return gps.has_fix & np.isfinite(gps.v_n[:, :2]).all(axis=1)
 
 
 def series_at(series: Series | None, t_s: Array) -> Array:

@@ -119,9 +119,10 @@ def _unusable(full: MotionFit) -> str:
 def _motion(tracks: Tracks, settings: SensorSettings) -> MotionRows | None:
     found = []
     for number, (evidence, track) in enumerate(tracks.pairs):
-        for gps in evidence.context.gps[:1]:
-            motion = motion_of(evidence, track, gps, settings.axes, number)
-            found += [] if motion is None else [motion]
+        if evidence.gps is None:
+            continue
+        motion = motion_of(evidence, track, evidence.gps, settings.axes, number)
+        found += [] if motion is None else [motion]
     if not found:
         return None
     rows = combined(found).rows

@@ -113,14 +113,14 @@ def _rows(number: int, evidence: Evidence, track: ImuTrack, added: Array) -> _Ro
         np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, COUNT))
     )
     track = measuring(track, evidence.flight.findings)
-    if len(track.t_s) < MIN_THRUST_ROWS or not evidence.context.gps:
+    if len(track.t_s) < MIN_THRUST_ROWS or evidence.gps is None:
         return nothing
     track = slowed(track)
     edges = np.arange(track.t_s[0], track.t_s[-1], THRUST_WINDOW_S)
     t_s = 0.5 * (edges[1:] + edges[:-1])
-    moves = moves_of(evidence.context.gps[0])
-    if len(moves.t_s) < 2 or not len(t_s):
+    if not len(t_s):
         return nothing
+    moves = moves_of(evidence.gps)
     q = evidence.attitude_of_tracks().at(t_s)
     board = board_of(evidence).vectors(np.eye(3))  # rows: where the board's axes lie
     force = (means(track.t_s, track.f_b, edges) + added) @ board.T

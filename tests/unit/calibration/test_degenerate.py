@@ -7,6 +7,7 @@ from h2nav.calibration.compass import calibrate_compass
 from h2nav.calibration.drag import calibrate_drag
 from h2nav.calibration.field_fit import FieldCorrection
 from h2nav.calibration.imu import calibrate_accelerometer, tracks_of
+from h2nav.calibration.level import calibrate_level
 from h2nav.calibration.vehicle import calibrate
 from h2nav.errors import BadInput
 from h2nav.maths.rows import select_rows
@@ -68,6 +69,17 @@ def test_fixes_without_a_velocity_show_no_drag(flight, count):
     v_n[:count] = 0.0
     found = calibrate_drag([changed(flight, gps=(gps._replace(v_n=v_n),))])
     assert found.left == ("too little flight with velocity, heading and forces",)
+
+
+def test_a_first_receiver_without_fixes_hides_no_second_one(flight):
+    (gps,) = flight.context.gps
+    dead = gps._replace(has_fix=np.zeros(len(gps.t_s), bool))
+    both = changed(flight, gps=(dead, gps._replace(receiver=1)))
+    alone, found = (calibrate_accelerometer(tracks_of([one], 0)) for one in (flight, both))
+    assert found.outcome == alone.outcome
+    assert "known to" in found.outcome.left[0]
+    level = calibrate_level(tracks_of([both], 0), found)
+    assert level.left[0].startswith("no change: roll and pitch by the thrust")
 
 
 def test_flights_of_two_vehicles_are_refused_though_the_first_one_names_none(flight):
