@@ -18,7 +18,7 @@ def play(path: Path, options: PlaybackOptions) -> HeardFlight:
     """
     recording = open_recording(path)
     inputs = inputs_for(recording, options)
-    autopilot = FromAutopilot()
+    autopilot = FromAutopilot(inputs.configuration.autopilot.system_id)
     runs, pipelines = {}, []
     for number, (name, fuses_gps) in enumerate(ESTIMATORS.items()):
         runs[name] = FromService(autopilot, listens=number == 0)

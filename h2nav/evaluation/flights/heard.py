@@ -36,6 +36,9 @@ class HeardEstimates(NamedTuple):
 class FromAutopilot:
     """The autopilot's messages in the recording.
 
+    Args:
+        system_id: of the vehicle; 0 = that of the first autopilot that is heard.
+
     Attributes:
         start_us: when the recording began; the times below are on the same clock.
         end_us: when it ended.
@@ -48,16 +51,14 @@ class FromAutopilot:
 
     message_ids = frozenset({SIMSTATE, ATTITUDE, AHRS2, HEARTBEAT, EXTENDED_SYS_STATE})
 
-    def __init__(self) -> None:
+    def __init__(self, system_id: int = 0) -> None:
         self.start_us = self.end_us = 0
         self.truth = TimedAttitudes()
         self.ekf = TimedAttitudes()
         self.ekf_boot_us = array("q")
         self.ahrs2 = TimedAttitudes()
         self.airborne: list[tuple[int, bool]] = []
-        self._system: int | None = (
-            None  # of the first autopilot that was heard; others are left out
-        )
+        self._system_id = system_id
         self._is_armed: bool | None = None
         self._has_landed = False
         self._newest_boot_us = 0
@@ -72,7 +73,7 @@ class FromAutopilot:
         """Adds a frame of `message_ids`."""
         t_us = t_ns // 1000
         fields: Any = codec.decode(frame)
-        if self._system not in (None, frame.sysid):
+        if self._system_id not in (0, frame.sysid):
             return
         is_attitude = frame.msg_id in (SIMSTATE, AHRS2, ATTITUDE)
         if is_attitude and not math.isfinite(fields.roll + fields.pitch + fields.yaw):
@@ -113,7 +114,7 @@ class FromAutopilot:
         if frame.msg_id == HEARTBEAT:
             beat = heartbeat(fields)
             if beat.is_of_autopilot:
-                self._is_armed, self._system = beat.is_armed, frame.sysid
+                self._is_armed, self._system_id = beat.is_armed, frame.sysid
         else:
             self._has_landed = landed_state(fields).on_ground is True
         if self._is_armed is None:

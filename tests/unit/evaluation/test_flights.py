@@ -393,6 +393,14 @@ def test_another_vehicle_and_what_is_no_number_are_left_out():
     assert document(flight) == expected
 
 
+@pytest.mark.parametrize(("system_id", "heard"), [(0, 1), (1, 1), (2, 0)])
+def test_a_vehicle_may_be_chosen(system_id, heard):
+    flight = MadeUp()
+    flight.autopilot = FromAutopilot(system_id)
+    flight.ekf(1.0, 0.0, 21.0)
+    assert len(flight.autopilot.ekf.t_us) == heard
+
+
 def test_a_folder_without_recordings_is_bad_input(tmp_path):
     with pytest.raises(BadInput, match=r"no recordings in this folder; expected \.tlog"):
         flight_paths(tmp_path)
