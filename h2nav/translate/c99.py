@@ -21,6 +21,7 @@ from h2nav.translate.layout import (
     inner_blocks,
     mentioned,
     written_arguments,
+    written_at_once,
 )
 from h2nav.translate.ranges import analyse, joined_operation, list_elements
 from h2nav.translate.runtime import operations
@@ -175,6 +176,8 @@ class _FunctionWriter:
             for name in sorted((waiting & mentioned(statement)) - self._declared):
                 if not self._declares(statement, name):
                     self._declare(name, indent)
+            if written_at_once(statement, self._writers) > 1:
+                raise self._refuse(statement, "two calls that write, which C makes in any order")
             self._statement(statement, indent)
 
     def _declares(self, statement: ast.stmt, name: str) -> bool:

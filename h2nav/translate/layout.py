@@ -1,7 +1,7 @@
 """Layout of the C: places of declarations, const arguments, breaks of long lines."""
 
 import ast
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 Block = Sequence[ast.stmt]
 _WIDTH = 100
@@ -68,6 +68,25 @@ def written_arguments(function: ast.FunctionDef, writers: dict[str, list[bool]])
                 if writes:
                     written.add(_owner(argument))
     return written
+
+
+def written_at_once(node: ast.AST, writers: Mapping[str, list[bool]]) -> int:
+    """How many calls that write stand side by side in a statement: C makes them in any order.
+
+    Args:
+        node: the statement or a part of it; blocks inside it do not count.
+        writers: for each function already seen, which of its arguments it writes.
+    """
+    if isinstance(node, ast.BoolOp):  # `and` and `or` keep the order
+        return max(written_at_once(value, writers) for value in node.values)
+    parts: Iterable[ast.AST] = ast.iter_child_nodes(node)
+    if isinstance(node, ast.If | ast.For):
+        parts = [node.test if isinstance(node, ast.If) else node.iter]
+    count = sum(written_at_once(part, writers) for part in parts)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        # a call comes behind those in its arguments
+        return max(count, int(any(writers.get(node.func.id, []))))
+    return count
 
 
 def _owner(node: ast.expr) -> str:

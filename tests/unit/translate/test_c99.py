@@ -265,6 +265,31 @@ def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
     assert reason in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    ("in_order", "in_any_order"),
+    [
+        ("a = bump(s)\n    return a + bump(s)", "return bump(s) + bump(s)"),
+        ("return more(bump(s), 1)", "return more(bump(s), bump(s))"),
+        ("return 1 if bump(s) > 0 and bump(s) > 1 else 2", "return 1 if bump(s) > bump(s) else 2"),
+        (
+            "if bump(s) > 0 or bump(s) > 1:\n        return 0\n    return 1",
+            "if bump(s) > 0 or bump(s) > bump(s):\n        return 0\n    return 1",
+        ),
+    ],
+)
+def test_refuses_calls_whose_order_is_that_of_the_compiler(
+    in_order: str, in_any_order: str
+) -> None:
+    called = (
+        "def bump(s: Memory) -> I32:\n    s.level = clamp(s.level + 1, -100, 100)\n"
+        "    return s.level\n\n\ndef more(a: I32, b: I32) -> I32:\n    return a >> 1\n\n\n"
+        "def step(s: Memory) -> I32:\n    "
+    )
+    assert "bump(s)" in with_record(f"{called}{in_order}\n")
+    with pytest.raises(Untranslatable, match="two calls that write, which C makes in any order"):
+        with_record(f"{called}{in_any_order}\n")
+
+
 def test_refuses_one_name_for_two_constants() -> None:
     sources = [KernelSource("a.py", "MAX = 3\n"), KernelSource("b.py", "MAX = 3\nMAX = 4\n")]
     with pytest.raises(Untranslatable, match=r"^b\.py:2: MAX has another value"):

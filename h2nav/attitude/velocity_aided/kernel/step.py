@@ -42,7 +42,8 @@ def step(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         if sample.has_mag > 0.0:
             bits = bits | use_field(s, w, g, sample)
         doubt_steps(s, dt)
-        bits = bits | use_rest(s, w, g, sample) | check_level(s, w, g, sample)
+        bits = bits | use_rest(s, w, g, sample)
+        bits = bits | check_level(s, w, g, sample)
     bits = bits | limit(s, g)
     if sample.asked > 0.0:
         bits = estimate(s, w, g, sample, bits)
