@@ -221,7 +221,9 @@ class _Frame:
             case ast.Expr(value=ast.Call(func=ast.Name(id=name)) as call):
                 if name not in self._kernel.functions:
                     raise self._refuse(node, f"call of {name} is outside the subset")
-                self._call(call, name, state)
+                result = self._call(call, name, state)
+                if result is not None:  # it is left, but has a type
+                    self._analysis.facts.nodes.setdefault(call, result)
             case _:
                 raise self._refuse(node, f"{type(node).__name__} is outside the subset")
         return state
