@@ -38,8 +38,6 @@ MIN_DIFFERENCE_RAD = math.radians(3.0)
 # right; otherwise after the second one.
 UNDECIDED_US = 10_000_000
 PLAIN = 2.0  # limits
-
-
 COMPASS_BACKS_US = "compass backs us"
 
 
