@@ -20,6 +20,7 @@ SENSORS = {
 }
 # Autopilots call a sensor unhealthy after a tenth of a second or three missed values.
 MIN_DEAD_S, APART_S = 0.5, 5.0
+IN_TENTHS_S = 10.0  # shorter times are told so
 
 KINDS = (
     Declared(
@@ -60,7 +61,8 @@ def _dead(health: SensorHealth, evidence: FlightEvidence) -> list[Finding]:
     found = []
     for first, last in joined(unbroken(dead, health.t_s, APART_S), health.t_s, APART_S):
         from_s, to_s = float(health.t_s[first]), float(health.t_s[last])
-        if to_s - from_s < MIN_DEAD_S:
+        dead_s = to_s - from_s
+        if dead_s < MIN_DEAD_S:
             continue
         errors = health.errors[first : last + 1]
         grown = float(np.nanmax(errors) - np.nanmin(errors)) if np.isfinite(errors).any() else 0.0
@@ -72,10 +74,10 @@ def _dead(health: SensorHealth, evidence: FlightEvidence) -> list[Finding]:
                 Severity.ERROR,
                 from_s,
                 to_s,
-                to_s - from_s,
+                dead_s,
                 "s",
-                f"{health.kind} {health.number + 1} was dead for {to_s - from_s:.1f} s by the "
-                "autopilot's own word",
+                f"{health.kind} {health.number + 1} was dead for "
+                f"{dead_s:.{int(dead_s < IN_TENTHS_S)}f} s by the autopilot's own word",
                 f"it reported it as not healthy from {from_s:.1f} to {to_s:.1f} s{counted}",
             )
         )
