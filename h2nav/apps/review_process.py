@@ -1,7 +1,6 @@
 """Runs `h2nav.apps.reviewer` in a process of its own, watched without waiting."""
 
 import contextlib
-import json
 import os
 import subprocess
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import IO, Any, NamedTuple
 
 import orjson
 
+from h2nav.apps.json_output import json_text
 from h2nav.apps.own_process import start_module
 from h2nav.apps.reviewer import ReviewJob
 from h2nav.flights.folder import FlightFolder
@@ -54,7 +54,7 @@ class ReviewProcess:
         self._said = self._complained = b""
         self._process = start_module(
             "h2nav.apps.reviewer",
-            json.dumps(self._job._asdict()),  # paths may hold bytes that are no text
+            json_text(self._job._asdict()),  # paths may hold bytes that are no text
             env=dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -78,7 +78,7 @@ class Comparing:
         return None
 
     def on_report(
-        self, t_ns: int, reported: ReportedAttitude, by_compass_rad: float | None
+        self, t_ns: int, reported: ReportedAttitude, by_compass_rad: float | None = None
     ) -> list[Effect]:
         """Takes an attitude of the autopilot, and how far our heading may be off by our compass."""
         source = AttitudeSource.AHRS2 if reported.is_second else AttitudeSource.AUTOPILOT

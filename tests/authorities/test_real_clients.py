@@ -232,7 +232,7 @@ def frames_in_logs(folder, topic_begin):
     return {
         LAYOUTS[frame.msg_id].name
         for path in folder.glob("*.mcap*")
-        for topic, _, stored in open_recording(path)._messages("mavlink")
+        for topic, stored in open_recording(path)._messages("mavlink")
         if topic.startswith(topic_begin)
         for frame in deframer.feed(stored.data)
     }

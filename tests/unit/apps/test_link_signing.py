@@ -98,7 +98,7 @@ class SignedFlight:
         """Bytes of the link in the log."""
         names = {RECEIVED_TOPIC: "received", REFUSED_TOPIC: "refused", SENT_TOPIC: "sent"}
         found: dict[str, list[bytes]] = {}
-        for topic, _, stored in open_recording(self.log)._messages("mavlink"):
+        for topic, stored in open_recording(self.log)._messages("mavlink"):
             name = names[topic.removesuffix("autopilot")]
             found.setdefault(name, []).append(stored.data)
         return found
