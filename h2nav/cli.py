@@ -126,7 +126,7 @@ SECTIONS: dict[str, dict[tuple[str, ...], CommandEntry]] = {
         ),
         ("log", "export"): CommandEntry(
             "log_export",
-            "a log as CSV, Parquet, trajectory, tlog or a bag of ROS 2",
+            "a log as CSV, Parquet, trajectory, tlog, bag of ROS 2 or MCAP",
             "log export flight.mcap -o csv",
         ),
         ("log", "anonymise"): CommandEntry(
