@@ -1,5 +1,6 @@
 """Parameter files of ground stations: ArduPilot's, QGroundControl's, PX4's shell lines."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -23,7 +24,7 @@ def read_parameters(path: Path) -> dict[str, float]:
 
 
 def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
-    """Parses parameters in any of these forms.
+    """Parses parameters in any of these forms; one that is not a number is not set.
 
     Args:
         name: of the file, for errors.
@@ -40,14 +41,16 @@ def parameters_of(lines: Iterable[str], name: str) -> dict[str, float]:
             words = words[2:]
         pair = words[2:4] if len(words) == 5 else words[:2]
         try:
-            found[pair[0]] = value = float(pair[1])
-            if not abs(value) < LARGEST_PARAMETER:
+            key, value = pair[0], float(pair[1])
+            if abs(value) >= LARGEST_PARAMETER:
                 raise ValueError
         except (IndexError, ValueError):
             raise BadInput(
                 f"{name}:{number}: {line.strip()[:60]!r} is not a parameter; expected NAME,VALUE "
                 "or QGroundControl's five columns"
             ) from None
+        if not math.isnan(value):  # which is not set
+            found[key] = value
         if number > MAX_LINES:
             raise BadInput(f"{name}: more than {MAX_LINES} lines; this is not a parameter file")
     return found

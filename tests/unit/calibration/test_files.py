@@ -53,7 +53,11 @@ def test_the_ending_says_the_form():
     assert format_of("fix.txt", "ArduPilot") is ParameterFormat.ARDUPILOT
 
 
-@pytest.mark.parametrize("line", ["hello", "A,b", "\x00\x01", "A,nan", "A,-inf", "A 1e39"])
+def test_one_without_a_number_is_not_set():
+    assert parameters_of(["A,nan", "B,1"], "x") == {"B": 1.0}
+
+
+@pytest.mark.parametrize("line", ["hello", "A,b", "\x00\x01", "A,-inf", "A 1e39"])
 def test_what_is_no_parameter_is_named(line):
     with pytest.raises(BadInput, match=r"x:2: .*is not a parameter"):
         parameters_of(["COMPASS_OFS_X 5", line], "x")
