@@ -8,7 +8,7 @@ which one it supports (`velocity_witness`), or the compass if the other heading 
 
 import math
 from collections import deque
-from enum import Enum
+from enum import Enum, auto
 from typing import NamedTuple
 
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VelocityFix
@@ -38,7 +38,6 @@ MIN_DIFFERENCE_RAD = math.radians(3.0)
 # right; otherwise after the second one.
 UNDECIDED_US = 10_000_000
 PLAIN = 2.0  # limits
-COMPASS_BACKS_US = "compass backs us"
 
 
 class AttitudeSource(Enum):
@@ -61,6 +60,22 @@ class _Quality(NamedTuple):
 QUALITIES = {
     AttitudeSource.AUTOPILOT: _Quality(math.radians(0.5), math.radians(1.0), 0.01),
     AttitudeSource.AHRS2: _Quality(math.radians(2.0), math.radians(5.0), 0.03),
+}
+
+
+class _Proof(Enum):
+    """What shows which of two attitudes is right."""
+
+    GPS_FOR_US = auto()
+    GPS_FOR_THEM = auto()
+    COMPASS_FOR_US = auto()
+    NONE = auto()
+
+
+BY_VELOCITY = {
+    VelocityVerdict.H2NAV: _Proof.GPS_FOR_US,
+    VelocityVerdict.AUTOPILOT: _Proof.GPS_FOR_THEM,
+    VelocityVerdict.UNDECIDED: _Proof.NONE,
 }
 
 
@@ -107,9 +122,10 @@ class _Disagreement:
         limit_rad = max(self._least_rad, BEYOND * sigma_rad)
         # Once the velocity has decided, our deviation no longer matters.
         is_known = not math.isnan(sigma_rad)
-        by_velocity = verdict is not VelocityVerdict.UNDECIDED
-        by_compass = compass_backs_us and not by_velocity
-        decided = is_known and (by_velocity or by_compass)
+        proof = BY_VELOCITY[verdict]
+        if proof is _Proof.NONE and compass_backs_us:
+            proof = _Proof.COMPASS_FOR_US
+        decided = is_known and proof is not _Proof.NONE
         lasted_us = self._lasting.look(t_us, is_so=is_known and size_rad > self._least_rad)
         beyond_us = self._beyond.look(t_us, is_so=is_known and size_rad > limit_rad)
         if lasted_us is None:
@@ -120,35 +136,34 @@ class _Disagreement:
         is_proved = decided and lasted_us >= LASTING_US
         self._is_reported |= is_plain or is_proved or beyond_us >= UNDECIDED_US
         if self._is_reported:
-            whose = COMPASS_BACKS_US if by_compass else verdict
-            self._alarm = self._alarm_of(math.degrees(size_rad), lasted_us * 1e-6, whose)
+            self._alarm = self._alarm_of(math.degrees(size_rad), lasted_us * 1e-6, proof)
 
-    def _alarm_of(self, size_deg: float, since_s: float, verdict: VelocityVerdict | str) -> Alarm:
+    def _alarm_of(self, size_deg: float, since_s: float, proof: _Proof) -> Alarm:
         source, part = self._source, self._part
         size = f"{size_deg:.0f} deg"
         text, whom, backs_us = {
-            COMPASS_BACKS_US: (
-                f"{source.value} {part} off {size}, {COMPASS_BACKS_US}",
+            _Proof.COMPASS_FOR_US: (
+                f"{source.value} {part} off {size}, compass backs us",
                 "it left ours at once, where no gyro shows a turn, and the compass, whose dip and "
                 "norm are the earth's, agrees with h2nav",
                 True,
             ),
-            VelocityVerdict.H2NAV: (
+            _Proof.GPS_FOR_US: (
                 f"{source.value} {part} off {size}, GPS backs us",
                 "GPS velocity agrees with h2nav",
                 True,
             ),
-            VelocityVerdict.AUTOPILOT: (
+            _Proof.GPS_FOR_THEM: (
                 f"our {part} off {size}, GPS backs {source.value}",
                 "GPS velocity agrees with the autopilot",
                 False,
             ),
-            VelocityVerdict.UNDECIDED: (
+            _Proof.NONE: (
                 f"{source.value} {part} differs by {size}",
                 "no GPS velocity shows who is right",
                 None,
             ),
-        }[verdict]
+        }[proof]
         is_main = source is AttitudeSource.AUTOPILOT
         whose = "the autopilot" if is_main else "the autopilot's AHRS2"
         return Alarm(
@@ -160,7 +175,7 @@ class _Disagreement:
             text,
             f"{part} of {whose} differs by {size} since {since_s:.0f} s; {whom}",
             # Two that are independent of us agree against us.
-            degrades=is_main and verdict is VelocityVerdict.AUTOPILOT,
+            degrades=is_main and proof is _Proof.GPS_FOR_THEM,
             since_s=since_s,
             is_decided=backs_us is not None,
             backs_us=backs_us,
