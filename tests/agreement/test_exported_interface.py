@@ -125,6 +125,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     return ctypes.CDLL(str(target))
 
 
+@pytest.mark.thorough
 def test_fill_writes_the_sample_that_the_daemon_makes(library: ctypes.CDLL) -> None:
     rng = random.Random(4)
     program, expected = Program(library), Sample()
@@ -253,6 +254,7 @@ def test_reset_forgets_the_attitude_alone(library: ctypes.CDLL) -> None:
     assert program.memory() == values(expected, State)
 
 
+@pytest.mark.thorough
 def test_a_changed_kernel_changes_the_c() -> None:
     """One addition of a function made a subtraction: other C, or ranges that cannot be proved."""
     form = IDENTITY.form.text

@@ -29,6 +29,7 @@ def tape(tool: Any) -> Any:
     return next(iter(tool.tapes_of(TAKEOFF, SAMPLES)))
 
 
+@pytest.mark.thorough
 def test_python_compilers_and_a_core_agree_over_a_recording(
     tool: Any, tape: Any, tmp_path: Path
 ) -> None:

@@ -140,6 +140,7 @@ def test_a_bad_state_is_refused_by_name_within_3_s(faults, imus, said):
     assert len(first) <= 34
 
 
+@pytest.mark.thorough
 def test_a_field_that_has_turned_at_rest_is_not_forgotten():
     """The filter takes the new direction for north in the end; the vehicle has not moved."""
     flight = SimulatedFlight("rest", faults=["compass-turned=90@8"])

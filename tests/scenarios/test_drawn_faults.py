@@ -20,6 +20,7 @@ def kinds(found) -> set[str]:
     return {told["kind"] for told in found["accused"]}
 
 
+@pytest.mark.thorough
 def test_an_accelerometer_off_by_3_is_named_within_three_seconds_and_alone():
     _, found = flown("accel-bias=3@70.0+20")
     assert found["outcome"] == "right"
@@ -64,6 +65,7 @@ def test_a_plane_that_takes_off_from_steel_has_sound_sensors_and_a_heading():
     assert row["tilt_deg"]["p95"] < 2.0
 
 
+@pytest.mark.thorough
 def test_a_step_of_one_metre_a_second_is_named_within_three_seconds():
     _, found = flown("gps-step=1@70.0+20", rate_hz=100.0)
     assert found["outcome"] == "right"
@@ -71,6 +73,7 @@ def test_a_step_of_one_metre_a_second_is_named_within_three_seconds():
     assert kinds(found) == set()
 
 
+@pytest.mark.thorough
 def test_a_drift_that_an_accelerometers_bias_could_be_is_named_since_the_force_does_not_step():
     row, found = flown("gps-ramp=0.5@70.0+20", rate_hz=100.0)
     assert found["outcome"] in ("right", "late")
@@ -106,6 +109,7 @@ def test_a_ramp_in_strong_vibration_accuses_nobody_else():
     assert kinds(found) == set()
 
 
+@pytest.mark.thorough
 def test_an_attitude_lost_by_a_gyro_in_other_units_is_found_when_they_are_back():
     """It stayed 78 deg off until the end of the flight, and said so."""
     ground = FlightDraw("rover", 2.321, 30.9, 3.56, 0.3769, 7.361, 0.4879, -3.242)

@@ -56,6 +56,7 @@ def states_since(flight, start_s):
     return [state for t_s, state in flight.seen.states if t_s >= start_s]
 
 
+@pytest.mark.thorough
 def test_a_default_plane_works_at_forty_hertz():
     """8: 100 Hz are denied: active within a second, the limit named once, asked no more."""
     flight = SimulatedFlight("rest", personality=ARDUPLANE, configuration=Configuration()).run(90.0)

@@ -119,6 +119,7 @@ def test_the_extras_are_out_of_reach(base):
     assert done.stdout == "None\n"
 
 
+@pytest.mark.thorough
 def test_the_demo_and_the_log_commands(base, tmp_path):
     flown = json.loads(result_of(base, "demo", "--seconds", 5, "--log-dir", tmp_path, "--json"))
     assert flown["attitudes_sent"] > 30
@@ -156,6 +157,7 @@ def test_replay_of_a_recording(base):
     assert result["rms_deg"]["tilt"] < 1.0
 
 
+@pytest.mark.thorough
 def test_configuration_and_gains(base, tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text(result_of(base, "check-config", "--example", "ardupilot-serial"))

@@ -71,6 +71,7 @@ def test_sigint_ends_with_0_and_a_closed_log_as_sigterm_does(tmp_path):
     assert the_log(tmp_path).stat().st_size > 0
 
 
+@pytest.mark.thorough
 def test_a_killed_daemon_leaves_a_log_that_can_be_recovered(tmp_path):
     port = free_udp_port()
     with (

@@ -90,6 +90,7 @@ def wait_until_bound(port):
         time.sleep(0.1)
 
 
+@pytest.mark.thorough
 def test_programs_read_what_was_found(tmp_path):
     ground = free_port()
     with ExitStack() as stack:
@@ -141,6 +142,7 @@ def test_mavsdk_receives_a_finding(tmp_path):
         until(client, "h2nav: degraded: IMU 1: gyro is frozen")
 
 
+@pytest.mark.thorough
 def test_a_bag_is_read_without_ros(tmp_path):
     need_package("rosbags.highlevel")
     bag = tmp_path / "bag"

@@ -96,6 +96,7 @@ def test_the_page_says_that_the_daemon_has_ended(browser, flying):
     says(browser, "#word", "No connection")
 
 
+@pytest.mark.thorough
 def test_the_demo_opens_its_page(tmp_path):
     opened = tmp_path / "opened"
     program = tmp_path / "browser"
@@ -123,6 +124,7 @@ def test_the_demo_opens_its_page(tmp_path):
     assert opened.read_text().strip() == url
 
 
+@pytest.mark.thorough
 def test_there_is_no_page_to_open_without_live():
     done = subprocess.run([*H2NAV, "demo", "--open"], capture_output=True, text=True, check=False)
     assert done.returncode == 2

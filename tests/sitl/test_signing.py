@@ -46,6 +46,7 @@ def last(log, topic):
     return [fields for _, fields in open_recording(log).records(topic)][-1]
 
 
+@pytest.mark.thorough
 def test_a_signed_flight_is_estimated_answered_and_replayed(tmp_path, port, key_file):
     with (
         daemon("-c", written_configuration(tmp_path, f"udpin:127.0.0.1:{port}")) as running,

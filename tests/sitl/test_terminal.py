@@ -90,6 +90,7 @@ def flying():
         yield f"udpin:127.0.0.1:{port}"
 
 
+@pytest.mark.thorough
 def test_the_panel_lives_survives_another_size_and_leaves_a_clean_screen(flying, tmp_path):
     with screen_of(*H2NAV, "run", "--connect", flying, "--log-dir", str(tmp_path)) as screen:
         lines = screen.until(shows_attitudes)

@@ -31,6 +31,7 @@ def test_what_follows_from_the_parameters_is_that_of_their_rows() -> None:
     assert tables.FIELDS.read_text(encoding="utf-8") == tables.fields_module()
 
 
+@pytest.mark.thorough
 def test_a_misspelt_gain_is_an_error_to_the_type_checker(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     lines = (

@@ -58,6 +58,7 @@ def write(path, head, *rows):
         csv.writer(stream).writerows((head, *rows))
 
 
+@pytest.mark.thorough
 def test_made_recordings_are_reviewed_and_scored(tool, folder, tmp_path, monkeypatch, capsys):
     arguments = ["real_flights.py", str(folder), "-o", str(tmp_path), "--list"]
     monkeypatch.setattr(sys, "argv", arguments)

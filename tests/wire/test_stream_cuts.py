@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -75,6 +76,7 @@ def cut(stream: bytes, places: list[int]) -> list[bytes]:
 
 @settings(derandomize=True, deadline=None, max_examples=400)
 @given(pieces, st.lists(st.integers(0, 5000), max_size=8))
+@pytest.mark.thorough
 def test_cuts_change_nothing(parts: list[bytes], places: list[int]) -> None:
     stream = b"".join(parts)
     whole = run([stream])

@@ -51,6 +51,7 @@ def terminal(monkeypatch):
     os.close(screen)
 
 
+@pytest.mark.thorough
 def test_the_panel_shows_both_attitudes_and_their_difference(flight, terminal):
     console, shown = terminal
     console.estimate(SECOND, ESTIMATE, 0)

@@ -55,6 +55,7 @@ def test_the_json_has_the_keys_that_others_read(takeoff):
     assert flight["settled"] == {}
 
 
+@pytest.mark.thorough
 def test_several_places_are_scored_together(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     (tmp_path / "folder").mkdir()
@@ -95,6 +96,7 @@ def test_what_the_service_said_meanwhile(takeoff):
     assert {"t_s", "severity", "text"} == set(flight["notices"]["h2nav"][0])
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_scored_is_left_out_and_the_others_are_not(tmp_path, capsys):
     rewritten(tmp_path / "good.tlog", first_s=FIRST_S)
     rewritten(tmp_path / "blind.tlog", first_s=FIRST_S, without=SIMSTATE)

@@ -10,6 +10,7 @@ from pyarrow import parquet
 from h2nav.cli import main
 
 
+@pytest.mark.thorough
 def test_a_fleet_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     logs, output = tmp_path / "logs", tmp_path / "out"
     logs.mkdir()

@@ -76,6 +76,7 @@ def test_another_place_is_drawn_where_a_finding_is_at_its_limit(flight, tmp_path
     assert list(tmp_path.iterdir()) == [output]
 
 
+@pytest.mark.thorough
 def test_of_places_that_all_differ_the_best_is_kept(flight, tmp_path, capsys, reviewed):
     found, given = reviewed
     found += [[ONE, OTHER], [], [], [ONE], [], [OTHER]]

@@ -514,6 +514,7 @@ def test_tlog_of_other_links(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert not output.exists()
 
 
+@pytest.mark.thorough
 def test_replay_of_an_exported_tlog_gives_the_same_estimates(tmp_path: Path) -> None:
     logs = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     original = rewritten(tmp_path / "original.tlog", first_s=15.0)
@@ -627,6 +628,7 @@ def test_a_log_that_may_not_be_read_is_named_with_what_is_expected(
     assert capsys.readouterr().err == f"h2nav: {log}: Permission denied; expected a recording\n"
 
 
+@pytest.mark.thorough
 def test_what_an_autopilot_wrote_itself_has_no_frames_to_export(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -212,6 +212,7 @@ def test_a_cut_of_twenty_seconds_and_a_restart_of_the_daemon_cost_nothing(tmp_pa
     assert again.fetcher.fetched_bytes < 1.05 * (len(FIRST) - had)
 
 
+@pytest.mark.thorough
 def test_an_arming_text_stops_it_before_the_heartbeat(tmp_path):
     bench = Bench(tmp_path)
     bench.flight.run(29.0)

@@ -57,6 +57,7 @@ def test_the_service_knows_field_and_velocity(takeoff: Trial) -> None:
         assert abs(told.what.t_us - int(takeoff.t_us[row])) < 600_000
 
 
+@pytest.mark.thorough
 def test_peers_are_turned_to_true_north(capsys: pytest.CaptureFixture[str]) -> None:
     need_package("vqf")
     words = ["evaluate", "dataset", str(TAKEOFF), "--filter", "vqf"]
@@ -86,6 +87,7 @@ def test_a_reboot_splits_the_recording(tmp_path: Path, takeoff: Trial) -> None:
     assert np.diff(trial.t_us).min() > 0
 
 
+@pytest.mark.thorough
 def test_the_same_from_our_own_log(
     tmp_path: Path, takeoff: Trial, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -41,6 +41,7 @@ def replay(*words, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, text=True, check=False, cwd=REPOSITORY, **pipes)
 
 
+@pytest.mark.thorough
 def test_a_log_that_may_not_grow_is_a_failure_that_says_what_is_lost(tmp_path):
     out = tmp_path / "out.mcap"
     flight = tmp_path / "flight.tlog"
@@ -122,6 +123,7 @@ def test_with_a_configuration_of_ones_own_the_recorded_one_does_not_matter(tmp_p
     assert "no IMU samples" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_smoothed_attitudes_become_a_channel_and_a_second_table(tmp_path, capsys):
     flight = tmp_path / "flight.tlog"
     flight.write_bytes(FLIGHT.read_bytes()[:400_000])

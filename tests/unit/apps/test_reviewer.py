@@ -61,6 +61,7 @@ def test_it_runs_only_while_nothing_else_does_unless_told_otherwise(flight):
     process.stop()
 
 
+@pytest.mark.thorough
 def test_it_reviews_commits_and_then_has_nothing_to_do(flight):
     shutil.copyfile(TAKEOFF, flight / "flight.tlog")
     outcome = reviewed(flight)
@@ -107,6 +108,7 @@ def words(error: Exception, *, is_short: bool) -> str:
     return reviewer._in_words(error, Path("a.bin"), job_of(Path(), 200), is_short)
 
 
+@pytest.mark.thorough
 def test_one_that_only_waits_is_ended_and_tried_again(flight):
     job = orjson.dumps(job_of(flight)._asdict()).decode()
     waits = "reviewer._written = lambda *_: signal.pause()"
@@ -152,6 +154,7 @@ def test_how_much_memory_was_left_is_measured_and_there_is_room_for_words(taken,
     assert subprocess.run(command, cwd=REPOSITORY, check=False).returncode == status
 
 
+@pytest.mark.thorough
 def test_one_process_at_a_time_reviews_a_folder(flight):
     first, second = ReviewProcess(job_of(flight)), ReviewProcess(job_of(flight))
     first.start()

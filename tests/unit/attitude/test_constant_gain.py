@@ -132,6 +132,7 @@ def test_a_wrong_attitude_that_both_sensors_contradict_is_found_anew() -> None:
     assert angle(estimate.q_nb, truth) < 0.1 * DEG
 
 
+@pytest.mark.thorough
 def test_the_lemmas_hold_at_the_extremes(monkeypatch: pytest.MonkeyPatch) -> None:
     """`known` bounds are believed by the translator; here each is checked."""
 

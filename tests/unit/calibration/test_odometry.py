@@ -178,6 +178,7 @@ def test_a_missing_file_is_refused(tmp_path, capsys):
     assert "none.csv" in err
 
 
+@pytest.mark.thorough
 def test_pictures(tmp_path, capsys):
     path = write(tmp_path / "d.csv", DIFF, differential(60))
     status, _, err = calibrate(capsys, path, "--plots", str(tmp_path / "plots"))

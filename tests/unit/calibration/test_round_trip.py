@@ -102,9 +102,6 @@ def wrongs() -> list[Miscalibration]:
     return five[:2] + five[4:]
 
 
-FIRST, *OTHERS = wrongs()
-
-
 def expected(wrong: Miscalibration, seed: int) -> dict[str, float]:
     """The parameters that undo it."""
     vehicle = FakeAutopilot(AutopilotOptions(scenario("flight"), seed=seed)).vehicle
@@ -118,9 +115,8 @@ def expected(wrong: Miscalibration, seed: int) -> dict[str, float]:
     return values
 
 
-@pytest.mark.parametrize(
-    "wrong", [FIRST, *(pytest.param(wrong, marks=pytest.mark.thorough) for wrong in OTHERS)]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("wrong", wrongs())
 def test_loaded_and_flown_again_the_attitude_is_right(wrong, tmp_path):
     options = AutopilotOptions(scenario("flight"), seed=3, wrong=wrong)
     before = flown(tmp_path / "before.tlog", options)

@@ -92,6 +92,7 @@ def test_a_number_that_is_none_is_one_line(
     assert capsys.readouterr().err == f"h2nav: {words[0]}: {said}\n"
 
 
+@pytest.mark.thorough
 def test_smoothed_results_stand_beside_the_causal_ones(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -118,6 +119,7 @@ def test_every_filter_of_ours_can_be_smoothed(folder: Path) -> None:
             assert len(track.q_es) == len(trial.t_us)
 
 
+@pytest.mark.thorough
 def test_filters_side_by_side(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["evaluate", "dataset", str(folder), "--filter", "default", "--filter", "default_fixed"]
     assert cli.main([*words, "--json"]) == 0
@@ -143,6 +145,7 @@ def test_the_integers_stand_next_to_the_floats(
             assert found["default_fixed"]["trials"][trial][key] == pytest.approx(value, abs=0.3)
 
 
+@pytest.mark.thorough
 def test_plots(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     plots = tmp_path / "figures"

@@ -52,6 +52,7 @@ def test_turning_body_is_followed_exactly_without_noise() -> None:
     assert worst < 0.02 * DEG
 
 
+@pytest.mark.thorough
 def test_gyro_bias_is_learnt() -> None:
     bias = np.array([[0.5, -0.3, 0.2]]) * DEG
     ekf = EulerEkf(

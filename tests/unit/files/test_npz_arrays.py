@@ -83,6 +83,7 @@ def test_a_header_that_announces_more_than_there_is_is_refused(tmp_path: Path, s
     assert "a: shorter than its header says" in refusal(path)
 
 
+@pytest.mark.thorough
 def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
     path = archive(tmp_path)
     add_zeros(path, "a", (LARGEST_BYTES >> 20) + 1)

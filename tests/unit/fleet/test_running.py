@@ -209,6 +209,7 @@ def test_a_recording_that_is_gone_is_tried_again(client: Client, fleet: Fleet) -
     assert fleet.done() == {"a": 1, "b": 1}
 
 
+@pytest.mark.thorough
 def test_nobody_at_the_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "_CONNECT_S", 1.0)
     with (

@@ -205,6 +205,7 @@ def test_what_is_no_request_is_hung_up_on(page, sent):
     assert exchange(page, "GET /")[0] == 200
 
 
+@pytest.mark.thorough
 def test_a_viewer_that_never_reads_is_hung_up_on(monkeypatch):
     monkeypatch.setattr(live_server, "PATIENCE_S", 0.2)
     with served(flying_state()) as page, listening(page) as connection:

@@ -176,6 +176,7 @@ def test_findings_are_diagnostics_until_they_end(tmp_path: Path) -> None:
     assert [s.name for s in fourth] == ["h2nav: attitude"]
 
 
+@pytest.mark.thorough
 def test_a_flight_becomes_a_bag_with_all_that_its_log_has(tmp_path: Path) -> None:
     need_package("rosbags.highlevel")
     from rosbags.rosbag2 import Reader
@@ -256,6 +257,7 @@ def test_no_part_of_a_bag_is_left_where_the_disk_is_full(
     assert not (tmp_path / "bag").exists()
 
 
+@pytest.mark.thorough
 def test_topics_are_chosen_and_wrong_ones_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

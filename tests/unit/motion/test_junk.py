@@ -65,12 +65,14 @@ def check(estimate, make_record):
 @given(
     st.lists(st.one_of(POSE, st.builds(InertialSample, TIME, VECTOR, VECTOR, VECTOR)), min_size=10)
 )
+@pytest.mark.thorough
 def test_observer_with_integrated_velocity(events):
     run_observer(TwistObserver(), events)
 
 
 @junk
 @given(st.lists(st.one_of(POSE, st.builds(TwistSample, TIME, VECTOR, VECTOR)), min_size=10))
+@pytest.mark.thorough
 def test_observer_with_measured_velocity(events):
     run_observer(TwistObserver(TwistObserverSettings(velocity="measured")), events)
 

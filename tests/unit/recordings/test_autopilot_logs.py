@@ -539,6 +539,7 @@ def test_a_real_copter_agrees_with_its_own_estimators() -> None:
     assert service.findings == ()
 
 
+@pytest.mark.thorough
 def test_a_real_px4_on_the_bench_agrees_with_its_own_estimator() -> None:
     log = open_ulog(shared_data("imu/px4_pyulog_sample.ulg"))
     listener, service = played(log)

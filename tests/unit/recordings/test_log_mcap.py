@@ -163,6 +163,7 @@ def test_every_value_of_a_ulog(tmp_path: Path) -> None:
     assert parameters == pytest.approx(theirs.initial_parameters)
 
 
+@pytest.mark.thorough
 def test_every_field_of_telemetry(tmp_path: Path) -> None:
     output = tmp_path / "flight.mcap"
     export_mcap(FLIGHT, output)

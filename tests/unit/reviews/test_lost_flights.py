@@ -258,7 +258,7 @@ LOST = (
 )
 
 
-@pytest.mark.parametrize(("script", "height_m", "end_s", "says"), few_rows(8, LOST))
+@pytest.mark.parametrize(("script", "height_m", "end_s", "says"), few_rows(3, LOST))
 def test_the_first_sentence_says_what_began_it(tmp_path, script, height_m, end_s, says):
     said = sentence(tmp_path, script, height_m, end_s)
     assert re.match(says, said), said

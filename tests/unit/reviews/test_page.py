@@ -271,6 +271,7 @@ def test_nothing_outside_of_the_file_is_asked_for(made):
     assert addresses == {"https://github.com/leeoniya/uPlot"}  # the library's own name, a comment
 
 
+@pytest.mark.thorough
 def test_half_an_hour_of_three_imus_at_400_hz_is_below_5_mb():
     flight = made_flight(1800.0, 400.0, imus=3)
     assert len(page_of(flight, made_analysis(flight)).encode()) <= 5_000_000

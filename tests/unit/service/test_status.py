@@ -30,6 +30,7 @@ def test_before_anything_is_known_it_says_so():
     assert math.isnan(told.velocity_ratio)
 
 
+@pytest.mark.thorough
 def test_both_attitudes_their_difference_and_the_ratios_are_there():
     flight = SimulatedFlight("hover").run(30.0)
     told = status(flight)
@@ -65,6 +66,7 @@ def test_an_attitude_that_was_told_long_ago_is_not_told_again():
     assert status(flight).autopilot_q_w is None
 
 
+@pytest.mark.thorough
 def test_what_is_wrong_is_named():
     flight = SimulatedFlight("hover", faults=("stuck=gyro-x@20",)).run(30.0)
     told = status(flight)

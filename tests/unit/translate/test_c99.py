@@ -369,6 +369,7 @@ def test_a_wider_input_of_the_constant_gain_kernel_is_noticed() -> None:
     assert "int64_t" not in translate(SMALLEST, ["update"]).code
 
 
+@pytest.mark.thorough
 def test_the_float_kernel_compiles_without_a_warning(tmp_path: Path) -> None:
     translation = translate(kernel_sources(VELOCITY_AIDED), [VELOCITY_AIDED.entry])
     records = translation.kernel.records.values()
