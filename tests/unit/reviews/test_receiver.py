@@ -337,3 +337,195 @@ def test_a_comparison_that_saw_the_velocities_and_blames_others_makes_it_a_note(
     found = weighed(false, [cause])
     assert found.severity is severity
     assert ("of all causes: undecided, shares" in found.evidence) == (severity is Severity.NOTICE)
+
+
+# --- each bound of what a receiver says of itself -------------------------------------------------
+
+
+def told(kind: str, gps: GpsTrack, **changes: object) -> list[Finding]:
+    """The findings of one kind, armed from 5 to 55 s unless changed, without any other sensor."""
+    armed = {"duration_s": 60.0, "armed": (Span(5.0, 55.0, "armed"),)}
+    context = Context(**armed | changes)
+    return [one for one in detect_receiver(gps, context, None, None, is_polled=False)[1]
+            if one.kind == kind]  # fmt: skip
+
+
+def without(gps: GpsTrack, from_s: float, to_s: float) -> GpsTrack:
+    return gps._replace(has_fix=~((gps.t_s > from_s) & (gps.t_s < to_s)))
+
+
+@pytest.mark.parametrize(
+    ("lost_s", "is_told"),
+    [
+        ((20.0, 21.3), False),  # with what two reports take: 1.4 s
+        ((20.0, 21.5), True),
+        ((2.0, 6.3), False),  # counted from arming
+        ((2.0, 6.5), True),
+        ((53.7, 60.0), False),  # and until it ended
+        ((53.41, 60.0), True),
+    ],
+)
+def test_how_long_a_fix_may_stay_away(lost_s, is_told):
+    found = told("gps_lost", without(steady(300, 0.2), *lost_s))
+    assert len(found) == is_told
+    if is_told:
+        (one,) = found
+        assert one.from_s == pytest.approx(max(lost_s[0], 5.0), abs=0.02)
+        assert one.to_s == pytest.approx(min(lost_s[1] + 0.1, 55.0), abs=1e-6)
+        assert one.size == pytest.approx(one.to_s - one.from_s)
+        assert one.text == f"no fix for {one.size:.0f} s while armed"
+        assert (one.unit, one.severity, one.source) == ("s", Severity.WARNING, "GPS")
+
+
+def test_what_was_not_recorded_is_no_lost_fix():
+    lost = without(steady(300, 0.2), 20.0, 29.9)
+    for silent, is_told in (((20.0, 25.2),), False), (((20.0, 24.8),), True), (
+        ((10.0, 23.0), (27.6, 40.0)), False,
+    ), (((10.0, 19.0), (31.0, 50.0)), True):  # fmt: skip
+        spans = tuple(Span(*ends, "silent") for ends in silent)
+        assert len(told("gps_lost", lost, silent=spans)) == is_told
+    # Before its first report the receiver may not have been recorded, and later it was not armed.
+    late = steady(300, 0.2).part(np.arange(300) > 100)
+    assert not told("gps_lost", late)
+    assert not told("gps_lost", without(steady(300, 0.2), 20.0, 30.0), armed=())
+
+
+def test_reports_in_bursts_are_as_usual():
+    gps = steady(300, 0.2)
+    bursts = gps._replace(t_s=np.sort(np.repeat(np.arange(0.0, 60.0, 2.0), 10) + 0.01 * 5))
+    assert not told("gps_lost", bursts)
+    assert told("gps_lost", without(bursts, 19.0, 25.0))
+
+
+def test_a_flight_without_any_fix_is_a_note():
+    gps = steady(300, 0.2)._replace(has_fix=np.zeros(300, dtype=bool))
+    gps.satellites[:] = np.where(np.arange(300) < 150, np.nan, 4.0)
+    armed = (Span(5.0, 20.0, "armed"), Span(30.0, 55.0, "armed"))
+    (one,) = told("gps_lost", gps, armed=armed)
+    assert one.text == "no fix in the whole flight"
+    assert one.evidence == "300 reports, none with a 3D fix; at most 4 satellites"
+    assert (one.from_s, one.to_s, one.size) == (5.0, 55.0, 50.0)
+    assert one.severity is Severity.NOTICE
+    (blind,) = told("gps_lost", gps._replace(satellites=np.full(300, np.nan)))
+    assert blind.evidence == "300 reports, none with a 3D fix"
+    assert not told("gps_lost", gps, armed=())
+
+
+@pytest.mark.parametrize(
+    ("satellites", "sigma_m_s", "seconds", "kinds"),
+    [
+        (6.0, 1.0, 30.0, []),
+        (5.0, 1.0, 10.0, []),
+        (5.0, 1.0, 10.5, ["gps_satellites"]),
+        (6.0, 1.01, 10.0, []),
+        (6.0, 1.01, 10.5, ["gps_accuracy"]),
+        (4.0, 3.0, 30.0, ["gps_satellites", "gps_accuracy"]),
+    ],
+)
+def test_how_poor_a_fix_may_be_for_how_long(satellites, sigma_m_s, seconds, kinds):
+    gps = steady(300, 0.2)
+    count = round(seconds / 0.2)
+    for values, usual, poor in (
+        (gps.satellites, 12.0, satellites), (gps.sigma_m_s, 0.3, sigma_m_s),
+    ):  # fmt: skip
+        values[:] = usual
+        values[50 : 50 + count] = poor
+    context = Context(duration_s=60.0, armed=(Span(5.0, 55.0, "armed"),))
+    found = detect_receiver(gps, context, None, None, is_polled=False)[1]
+    assert [one.kind for one in found] == kinds
+    for one in found:
+        assert (one.from_s, one.to_s) == (gps.t_s[50], gps.t_s[49 + count])
+        is_few = one.kind == "gps_satellites"
+        assert (one.size, one.unit) == ((satellites, "") if is_few else (sigma_m_s, "m/s"))
+        assert one.text == (
+            f"only {satellites:.0f} satellites while armed"
+            if is_few
+            else f"velocity accuracy only {sigma_m_s:.1f} m/s"
+        )
+        start = "fewer than 6 for" if is_few else "the receiver itself states more than 1 m/s for"
+        assert one.evidence.startswith(f"{start} {0.2 * count:.0f} s, ")
+    grounded = context._replace(armed=())
+    assert not detect_receiver(gps, grounded, None, None, is_polled=False)[1]
+
+
+@pytest.mark.parametrize(
+    ("fixes", "period_s", "speed_m_s", "is_told"),
+    [
+        (11, 0.2, 5.0, True),
+        (10, 0.2, 5.0, False),  # 1.8 s
+        (5, 0.6, 5.0, True),
+        (4, 0.8, 5.0, False),
+        (11, 0.2, 0.51, True),
+        (11, 0.2, 0.49, False),  # at rest it may be zero all along
+    ],
+)
+def test_for_how_long_a_velocity_may_be_the_same(fixes, period_s, speed_m_s, is_told):
+    gps = steady(60, period_s)
+    gps.v_n[30 : 30 + fixes] = (0.6 * speed_m_s, -0.8 * speed_m_s, 0.3)
+    found = told("gps_frozen", gps)
+    assert len(found) == is_told
+    if is_told:
+        (one,) = found
+        assert (one.from_s, one.to_s) == (gps.t_s[30], gps.t_s[29 + fixes])
+        assert one.size == pytest.approx((fixes - 1) * period_s)
+        assert one.text == f"velocity did not change for {one.size:.0f} s"
+        assert one.evidence.startswith(f"{fixes} fixes in a row of exactly the same ")
+        assert f" {speed_m_s:.1f} m/s, which" in one.evidence
+    no_fix = gps._replace(has_fix=np.zeros(60, dtype=bool))
+    assert not told("gps_frozen", no_fix)
+    assert not told("gps_frozen", gps, armed=())
+
+
+@pytest.mark.parametrize(
+    ("north_m", "east_m", "period_s", "is_told"),
+    [
+        (9.9, 0.0, 0.2, False),
+        (10.2, 0.0, 0.2, True),
+        (0.0, -9.9, 0.2, False),
+        (0.0, -10.2, 0.2, True),
+        (7.2, 7.2, 0.2, True),
+        (50.0, 0.0, 1.9, True),
+        (50.0, 0.0, 2.1, False),  # meanwhile it may have moved anyhow
+    ],
+)
+def test_by_how_much_a_position_may_jump(north_m, east_m, period_s, is_told):
+    gps = steady(40, period_s)
+    gps = gps._replace(longitude_deg=gps.longitude_deg.copy(), latitude_deg=gps.latitude_deg.copy())
+    gps.latitude_deg[20:] += north_m / EARTH_RADIUS_M / DEG
+    parallel_m = EARTH_RADIUS_M * math.cos(gps.latitude_deg[20] * DEG)
+    gps.longitude_deg[20:] += east_m / parallel_m / DEG
+    found = told("gps_jump", gps, armed=(Span(0.0, 100.0, "armed"),))
+    assert len(found) == is_told
+    if is_told:
+        (one,) = found
+        size = math.hypot(north_m, east_m)
+        assert one.size == pytest.approx(size, abs=0.05)
+        assert one.text == f"position jumped by {size:.0f} m"
+        assert one.evidence.startswith("once by more than 10 m from one fix to the next")
+        assert one.from_s == one.to_s == gps.t_s[20]
+    gps.latitude_deg[30:] += 20.0 / EARTH_RADIUS_M / DEG
+    if period_s < 2.0 and is_told:
+        (both,) = told("gps_jump", gps, armed=(Span(0.0, 100.0, "armed"),))
+        assert both.evidence.startswith("2 times by more than")
+        assert (both.from_s, both.to_s) == (gps.t_s[20], gps.t_s[30])
+        (first,) = told("gps_jump", gps, armed=(Span(0.0, float(gps.t_s[25]), "armed"),))
+        assert first.to_s == gps.t_s[20]
+    has_fix = np.ones(40, dtype=bool)
+    has_fix[19] = False
+    gps.latitude_deg[30:] -= 20.0 / EARTH_RADIUS_M / DEG
+    assert not told("gps_jump", gps._replace(has_fix=has_fix), armed=(Span(0.0, 99.0, "armed"),))
+
+
+def test_fixes_with_a_velocity_are_taken_once_and_in_order():
+    gps = steady(6, 0.2)
+    gps.v_n[:] = np.arange(18.0).reshape(6, 3)
+    gps.v_n[1, 0] = np.nan
+    has_fix = np.array((True, True, False, True, True, True))
+    t_s = np.array((0.0, 0.2, 0.4, 0.6, 0.6, 0.8))
+    gps.sigma_m_s[:] = (0.1, 0.2, 0.3, 0.4, 0.5, np.nan)
+    moves = moves_of(gps._replace(has_fix=has_fix, t_s=t_s))
+    assert moves.t_s.tolist() == [0.0, 0.6, 0.8]
+    assert moves.v_n.tolist() == [[0, 1, 2], [9, 10, 11], [15, 16, 17]]
+    assert moves.sigma_m_s.tolist() == [0.1, 0.4, 0.5]  # where it states nothing: 0.5 m/s
+    assert moves.axes.tolist() == [True, True, True]
+    assert moves_of(gps.part(slice(0, 0))).axes.tolist() == [True, True, False]
