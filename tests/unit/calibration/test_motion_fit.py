@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from h2nav.calibration.motion_fit import ARM, COUNT, LAG, OFFSET, PARTS, SCALE, SIGMAS, fitted
-from h2nav.calibration.motion_rows import Motion, combined
+from h2nav.calibration.motion_rows import Motion, MotionRows, combined
 from h2nav.calibration.regression import halves_of, part_of
 from tests.unit.calibration.motions import flown_windows, random_truth
 
@@ -99,3 +99,51 @@ def test_halves_have_every_row_once():
     first, second = halves_of(rows)
     assert (len(first.t_s), len(second.t_s)) == (20, 21)
     assert first.t_s[-1] < second.t_s[0]
+
+
+# --- closed forms -------------------------------------------------------------------------------
+
+
+def held_windows(count, rests=0, *, seen=True, sigma_rad=0.0, force=(0.0, 0.0, 0.0)):
+    """Half a second of a vehicle that does not turn, and rests that show the vertical alone."""
+    ones = np.ones(count + rests)
+    vectors, squares = np.outer(ones, np.zeros(3)), np.zeros((count + rests, 3, 3))
+    share = np.outer(ones, np.ones(3))
+    share[count:, :2] = 0.0
+    return MotionRows(
+        np.zeros(count + rests, np.int64), np.linspace(0.0, 0.5, count + rests), ones, vectors,
+        share, squares + np.eye(3) * seen, squares, vectors + force, vectors, squares,
+        sigma_rad * ones, sigma_rad * ones,
+    )  # fmt: skip
+
+
+def test_values_that_nothing_shows_are_as_uncertain_as_data_sheets_say():
+    """60 mg and 3 % of the accelerometer; 0.1 s of the receiver, whose antenna is 0.3 m away."""
+    fit = fitted(held_windows(40, seen=False), ALL)
+    expected = [0.6] * 3 + [0.03] * 3 + [0.1] + [0.3] * 3
+    assert fit.sigma == pytest.approx(expected)
+    assert fit.lasting == pytest.approx(expected)
+    assert not fit.values.any()
+
+
+@pytest.mark.parametrize(("count", "rests"), [(32, 0), (16, 16)])
+def test_an_offset_is_as_uncertain_as_the_noise_of_its_windows(count, rests):
+    """0.02 m/s between fixes, 0.05 m/s at rest; without any one sixteenth of them."""
+    free = ~ALL
+    free[OFFSET] = True
+    fit = fitted(held_windows(count, rests), free)
+    level, down = count / 0.02**2, rests / 0.05**2
+    assert fit.sigma[:3] ** -2.0 == pytest.approx(np.array([level, level, level + down]) + 0.6**-2)
+    assert not fit.sigma[3:].any()
+    less = level - 2.0 / 0.02**2
+    least = np.array([less, less, less + down]) + 0.6**-2
+    assert fit.lasting[:3] ** -2.0 == pytest.approx(least)
+
+
+@pytest.mark.parametrize(("sigma_deg", "counts_deg"), [(0.0, 0.1), (0.09, 0.1), (0.5, 0.5)])
+def test_a_lean_of_the_attitude_is_part_of_a_level_offset(sigma_deg, counts_deg):
+    free = ~ALL
+    free[OFFSET] = True
+    rows = held_windows(40, sigma_rad=np.radians(sigma_deg), force=(0.0, 0.0, -9.8))
+    sigma = np.sqrt(1.0 / (40 / 0.02**2) + (9.8 * np.radians(counts_deg)) ** 2)
+    assert fitted(rows, free).sigma[:2] == pytest.approx([sigma, sigma], rel=0.01)

@@ -78,6 +78,9 @@ def test_covariance_is_that_of_repeated_experiments(data, calibrate):
     spread = np.std([result.values for result in results], axis=0)
     stated = np.mean([np.sqrt(np.diag(result.covariance)) for result in results], axis=0)
     assert stated == pytest.approx(spread, rel=0.2)
+    correlation = np.corrcoef(np.transpose([result.values for result in results]))
+    covariance = np.mean([result.covariance for result in results], axis=0)
+    assert covariance / np.outer(stated, stated) == pytest.approx(correlation, abs=0.25)
 
 
 def test_the_variance_of_few_rows_counts_the_parameters_that_they_had_to_give():
