@@ -178,10 +178,10 @@ def test_an_offset_and_a_delay_come_out_of_a_quiet_turn():
     """Without noise, a heading that is off by 2 deg all the time is neither."""
     count = 300
     rng = np.random.default_rng(2)
-    turns = Rotation.from_euler("ZYX", rng.uniform(-1.0, 1.0, (count, 3)) * (3.1, 0.4, 0.4))
-    earth = turns.inv().apply(np.tile(EARTH_UT, (count, 1)))
+    turns = Rotation.from_euler("ZYX", rng.uniform(-1.0, 1.0, (count, 3)) * (3.1, 0.4, 0.4)).inv()
+    earth, down = (turns.apply(np.tile(one, (count, 1))) for one in (EARTH_UT, DOWN))
     rows = held_rows(count)._replace(
-        t_s=0.2 * np.arange(count), earth_ut=earth, down=turns.inv().apply(np.tile(DOWN, (count, 1))),
+        t_s=0.2 * np.arange(count), earth_ut=earth, down=down,
         slope_ut=rng.normal(0.0, 20.0, (count, 3)), sigma_rad=np.full(count, math.radians(3.0)),
     )  # fmt: skip
     iron = FieldCorrection(np.array((9.0, -4.0, 6.0)), np.eye(3), np.zeros(3))
