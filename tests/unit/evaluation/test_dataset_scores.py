@@ -199,7 +199,5 @@ def test_a_trial_says_what_its_errors_mean():
 
 
 def test_a_recording_without_two_samples_is_refused():
-    with pytest.raises(
-        BadInput, match=r"a/flight\.tlog: no IMU samples of a known autopilot in it"
-    ):
+    with pytest.raises(BadInput, match=r"a/flight\.tlog: no IMU samples of a known"):
         recorded(stretch(1), rows=())
