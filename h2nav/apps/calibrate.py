@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(found: dict[str, Any], output: Path | None) -> None:
-    count = 0
+    names = set()  # several sensors may share one parameter
     for sensor in found["sensors"]:
         device = f" (device {sensor['device']})" if sensor["device"] else ""
         print(f"{sensor['sensor']}{device}")
@@ -79,7 +79,7 @@ def _show(found: dict[str, Any], output: Path | None) -> None:
             sigma = "" if change["sigma"] is None else f" ± {change['sigma']:.4g}"
             old = "" if change["old"] is None else f"{change['old']:.5g}"
             print(f"  {change['name']:18} {old:>10} -> {change['new']:.5g}{sigma}")
-            count += 1
+            names.add(change["name"])
         for note in sensor["notes"]:
             print(f"  {note}")
         for reason in sensor["not_from_these_flights"]:
@@ -87,4 +87,5 @@ def _show(found: dict[str, Any], output: Path | None) -> None:
         if sensor["shown_by"]:
             print(f"  {sensor['shown_by']}")
     if output is not None:
-        print(f"{output}: {count} parameters" if count else f"{output} not written: no parameter")
+        said = f"{output}: {len(names)} parameters"
+        print(said if names else f"{output} not written: no parameter")

@@ -62,20 +62,30 @@ def _document(path: Path, args: argparse.Namespace) -> dict[str, Any]:
 
     if path.suffix == ".json":
         try:
-            found: dict[str, Any] = orjson.loads(path.read_bytes())
+            found = orjson.loads(path.read_bytes())
         except OSError as error:
             raise BadInput(f"{path}: {error.strerror}; expected a recording or a review") from error
         except orjson.JSONDecodeError as error:
             raise BadInput(f"{path}: not the JSON document of a review: {error}") from error
-        is_review = isinstance(found, dict) and "verdict" in found
-        if not is_review or not all(isinstance(found.get(name) or {}, dict) for name in _PARTS):
+        if not _is_review(found):
             raise BadInput(
                 f"{path}: not the JSON document of a review; name what h2nav review wrote"
             )
-        return found
+        return dict(found)
     with byte_bar(path.name) as progress:
         options = playback.options(args)
         return document(*review(open_flight(path), options, smooths=False, progress=progress))
+
+
+def _is_review(found: Any) -> bool:
+    """Whether a document has a verdict, and of its other parts none of another kind."""
+    if not isinstance(found, dict) or "verdict" not in found:
+        return False
+    if not all(isinstance(found.get(name) or {}, dict) for name in _PARTS):
+        return False
+    parameters = (found.get("parameters") or {}).values()
+    has_numbers = all(isinstance(value, int | float | None) for value in parameters)
+    return has_numbers and isinstance(found.get("start_utc") or "", str)
 
 
 def _show(found: dict[str, Any]) -> None:
