@@ -15,6 +15,10 @@ from h2nav.sim.personalities import PERSONALITIES
 from h2nav.wire.deframer import Deframer
 
 URL = ("--connect", "udpout:127.0.0.1:9")
+MANY = """--seed 7 --scenario hover --autopilot px4 --imus 2 --fault gyro-zero@5+2/2 --baud 57600
+    --boot-text --arm-authorization --no-ftp --gyro-bias-deg-s 1 2 3 --compass-offset 1 2 3
+    --compass-turned 4 --compass-scale 0.5 2 1 --motor-field 5 6 7 --accelerometer-scale 1 0.5 2
+    --accelerometer-offset 8 9 10 --gyro-offset 0.1 0.2 0.3 --board 1.5 2.5"""
 
 
 @pytest.fixture(autouse=True)
@@ -61,14 +65,10 @@ def test_every_word_goes_where_it_belongs(vehicle, tmp_path):
     (tmp_path / "b.bin").write_bytes(b"second")
     (tmp_path / "p.param").write_text("AHRS_TRIM_X,0.5\n")
     options = vehicle(
-        *"--seed 7 --scenario hover --autopilot px4 --imus 2 --fault gyro-zero@5+2/2".split(),
-        *"--baud 57600 --boot-text --arm-authorization --no-ftp --gyro-bias-deg-s 1 2 3".split(),
-        *"--compass-offset 1 2 3 --compass-turned 4 --compass-scale 0.5 2 1".split(),
-        *"--motor-field 5 6 7 --accelerometer-scale 1 0.5 2".split(),
-        *"--accelerometer-offset 8 9 10 --gyro-offset 0.1 0.2 0.3 --board 1.5 2.5".split(),
-        "--log", str(tmp_path / "a.bin"), "--log", str(tmp_path / "b.bin"),
-        "--parameters", str(tmp_path / "p.param"),
-    )  # fmt: skip
+        *MANY.split(),
+        *("--log", str(tmp_path / "a.bin"), "--log", str(tmp_path / "b.bin")),
+        *("--parameters", str(tmp_path / "p.param")),
+    )
     assert options.scenario.name == "hover"
     assert options.personality == PERSONALITIES["px4"]
     assert (options.seed, options.imus) == (7, 2)
