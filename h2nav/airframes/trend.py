@@ -245,4 +245,5 @@ def _drift_text(
 
 
 def _size(value: float, unit: str) -> str:
-    return f"{value:.2g} {unit}" if abs(value) < 10.0 else f"{value:.0f} {unit}"
+    shown = f"{value:.2g}" if abs(value) < 10.0 else f"{value:.0f}"
+    return f"{shown} {unit}".rstrip()
