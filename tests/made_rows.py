@@ -7,7 +7,7 @@ import numpy as np
 
 from h2nav.recordings.columns import Format
 from h2nav.recordings.log_rows import Rows
-from h2nav.recordings.row_tables import Table
+from h2nav.recordings.row_tables import LogTables, Table
 
 PERIOD_US = 100_000
 
@@ -16,10 +16,21 @@ def table(columns: Mapping[str, Any], name: str = "X") -> Table:
     """A table of numpy's types; a single value holds in every row."""
     arrays = {column: np.asarray(values) for column, values in columns.items()}
     count = max((len(values) for values in arrays.values() if values.ndim), default=1)
-    rows = np.zeros(count, [(column, values.dtype) for column, values in arrays.items()])
+    row = [(column, values.dtype, values.shape[1:]) for column, values in arrays.items()]
+    rows = np.zeros(count, row)
     for column, values in arrays.items():
         rows[column] = values
     return Table(name, np.arange(count), rows)
+
+
+def log_tables(time_column: str, **messages: Mapping[str, Any]) -> LogTables:
+    """Tables of a file in which all rows lie in the order of their times, us."""
+    tables = {}
+    for name, columns in messages.items():
+        rows = table(columns, name).stored_rows()
+        places = rows[time_column].astype(np.int64)
+        tables[name] = Table(name, places, rows)
+    return LogTables(tables, {})
 
 
 class MadeMessage(NamedTuple):

@@ -267,7 +267,10 @@ def _batches(log: DataflashRows) -> Iterator[Burst]:
     if [rows.dtype[axis].shape for axis in data.table.columns if axis in "xyz"] != 3 * [BATCH_ROW]:
         return
     numbers = data.table.integers("N")
-    values = np.stack([rows[axis] for axis in "xyz"], axis=2).astype(np.float64)
+    # One that is damaged, or a count that began again, would lead a search to others' rows.
+    order = np.argsort(numbers, kind="stable")
+    numbers = numbers[order]
+    values = np.stack([rows[axis] for axis in "xyz"], axis=2).astype(np.float64)[order]
     whole = (heads.table.integers(name) for name in ("N", "type", "instance", "smp_cnt"))
     columns = (*whole, heads.table.numbers("mul"), heads.table.numbers("smp_rate"), heads.t_s)
     for row in zip(*(each.tolist() for each in columns), strict=True):
