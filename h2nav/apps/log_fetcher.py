@@ -132,7 +132,6 @@ class LogFetcher:
         if fetch is None:
             return sent
         sent += [Send(message, system) for message in fetch.due(t_ns)]
-        self._keep()
         if fetch.state is FetchState.FAILED:
             return [*sent, self._give_up(f"log not fetched: {fetch.reason}")]
         if fetch.state is FetchState.DONE and self._file is not None:

@@ -149,3 +149,59 @@ def test_values_that_cannot_be_hashed_are_refused(tmp_path: Path, shipped_text: 
     path = tmp_path / "g.yaml"
     path.write_text(shipped_text.replace("dip_deg: 60.0\n", "dip_deg: .nan\n", 1))
     assert "cannot be hashed" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "shipped_hz"),
+    [(1.0, 50), (70.7, 50), (70.8, 100), (141.4, 100), (141.5, 200), (282.8, 200), (282.9, 400),
+     (4000.0, 400)],
+)  # fmt: skip
+def test_the_nearest_rate_is_that_of_the_smallest_ratio(rate_hz: float, shipped_hz: int) -> None:
+    """They change at the geometric means."""
+    assert gain_files.shipped_rate(rate_hz) == shipped_hz
+
+
+@pytest.mark.parametrize(("length", "lines"), [(600, 1), (601, 3)])
+def test_a_row_of_a_certificate_has_one_line_of_at_most_600_characters(
+    length: int, lines: int
+) -> None:
+    row = {"a": 1, "b": ""}
+    row["b"] = "x" * (length - len('{"a": 1, "b": ""}'))
+    text = gain_files.text_of(dataclasses.replace(gain_files.load(NAME), certificate=row))
+    after = text.partition("certificate:")[2].partition("fixed_point:")[0]
+    assert len(after.splitlines()) == lines
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("absent.yaml", "absent.yaml: no such gain file"),
+        ("a/b", "a/b: no such gain file"),
+        ("absent", "gain file absent: not shipped; expected a path ending in .yaml or one of "),
+    ],
+)
+def test_what_is_not_found_is_named_as_it_was_given(name: str, said: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        gain_files.find(name)
+    assert str(caught.value).startswith(said)
+
+
+def test_a_file_is_found_by_its_path_whatever_its_suffix(tmp_path: Path, shipped_text: str) -> None:
+    path = tmp_path / "gains.txt"
+    path.write_text(shipped_text, encoding="utf-8")
+    assert gain_files.find(path) == gain_files.find(str(path)) == path
+    assert gain_files.read(path) == gain_files.load(NAME)
+
+
+def test_an_envelope_is_read_without_its_certificate(tmp_path: Path, shipped_text: str) -> None:
+    path = tmp_path / "g.yaml"
+    path.write_text(shipped_text.replace("name: mpu9250_100hz", "name: other"), encoding="utf-8")
+    assert gain_files.read(path).name == "other"
+
+
+def test_a_failed_write_leaves_the_file_of_before(tmp_path: Path) -> None:
+    path = tmp_path / "g.yaml"
+    path.mkdir()
+    with pytest.raises(BadInput, match=r"g\.yaml: cannot be written: .*Is a directory"):
+        gain_files.write(path, gain_files.load(NAME))
+    assert list(tmp_path.iterdir()) == [path]

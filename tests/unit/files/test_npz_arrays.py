@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from h2nav.errors import BadInput
+from h2nav.files import npz_arrays
 from h2nav.files.npz_arrays import LARGEST_BYTES, read_arrays
 
 PIECE = bytes(1 << 20)
@@ -97,3 +98,48 @@ def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None
 )
 def test_a_member_that_is_no_array_is_refused(tmp_path: Path, data: bytes) -> None:
     assert "not a readable archive" in refusal(archive(tmp_path, a=data))
+
+
+def test_half_an_hour_of_samples_is_not_too_much_and_an_hour_is() -> None:
+    """Of 14 doubles at 2 kHz."""
+    bytes_per_s = 14 * 8 * 2000
+    assert 1800 * bytes_per_s < LARGEST_BYTES < 3600 * bytes_per_s
+
+
+@pytest.mark.parametrize(("most", "is_read"), [(2048, True), (2047, False)])
+def test_what_all_arrays_that_are_asked_for_unpack_to_is_bounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, is_read: bool
+) -> None:
+    path = archive(tmp_path, a=header((112,)) + bytes(896), b=header((112,)) + bytes(896))
+    with zipfile.ZipFile(path) as stream:
+        assert sum(member.file_size for member in stream.infolist()) == 2048
+    monkeypatch.setattr(npz_arrays, "LARGEST_BYTES", most)
+    if is_read:
+        assert read_arrays(path, ("a", "b")).keys() == {"a", "b"}
+    else:
+        assert refusal(path) == f"{path}: unpacks to 0 MiB; expected at most 0"
+    assert read_arrays(path, ("b",)).keys() == {"b"}
+
+
+@pytest.mark.parametrize(("length", "is_read"), [(12, True), (13, False)])
+def test_a_member_may_be_longer_than_its_array_and_not_shorter(
+    tmp_path: Path, length: int, is_read: bool
+) -> None:
+    """The header itself takes 128 bytes, as many as 16 numbers."""
+    path = archive(tmp_path, a=header((length + 16,)) + bytes(12 * 8))
+    if is_read:
+        with pytest.raises(BadInput, match="not a readable archive"):  # numpy says so
+            read_arrays(path, ("a",))
+    else:
+        assert "a: shorter than its header says" in refusal(path)
+
+
+def test_a_header_of_the_second_version_is_read(tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.array([1.5, -2.0]), version=(2, 0))
+    assert read_arrays(archive(tmp_path, a=stream.getvalue()), ("a",))["a"].tolist() == [1.5, -2.0]
+
+
+def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
+    assert refusal(tmp_path / "none.npz").endswith("cannot be read: No such file or directory")
+    assert refusal(tmp_path).endswith("cannot be read: Is a directory")

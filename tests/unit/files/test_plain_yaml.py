@@ -5,7 +5,15 @@ import yaml
 
 from h2nav.errors import BadInput
 from h2nav.files import gain_files
-from h2nav.files.plain_yaml import DEEPEST, LARGEST_BYTES, parse_bytes, parse_mapping, read_mapping
+from h2nav.files.plain_yaml import (
+    DEEPEST,
+    LARGEST_BYTES,
+    LONGEST_NUMBER,
+    parse_bytes,
+    parse_mapping,
+    read_bytes,
+    read_mapping,
+)
 
 
 def refusal(data):
@@ -82,3 +90,64 @@ def test_a_missing_file_is_one_line(tmp_path):
     with pytest.raises(BadInput) as caught:
         read_mapping(tmp_path / "nowhere.yaml")
     assert "No such file" in str(caught.value)
+
+
+def nested(depth):
+    """A list in a list ..., in the value of a mapping, which is one more."""
+    return "a: " + "[" * depth + "]" * depth
+
+
+@pytest.mark.parametrize(
+    ("just_enough", "too_much", "says"),
+    [
+        (nested(31), nested(32), "file.yaml:1: nested more than 32 deep"),
+        (f"a: {'1' * 64}", f"a: {'1' * 65}", "more digits than any setting has"),
+        (f"a: 0.{'1' * 62}", f"a: 0.{'1' * 63}", "more digits than any setting has"),
+        ("a: 1.7e+308", "a: 1.8e+308", "file.yaml:1: 1.8e+308: beyond the largest number"),
+        ("a: -1.7e+308", "a: -1.8e+308", "file.yaml:1: -1.8e+308: beyond the largest number"),
+    ],
+)
+def test_a_limit_is_reached_and_not_passed(just_enough, too_much, says):
+    assert (DEEPEST, LONGEST_NUMBER) == (32, 64)
+    assert parse_bytes(just_enough.encode(), "file.yaml") == yaml.safe_load(just_enough)
+    assert says in refusal(too_much)
+
+
+def test_a_file_may_have_a_mebibyte_and_no_byte_more(tmp_path):
+    path = tmp_path / "a.yaml"
+    text = b"a: 1\n#".ljust(1 << 20, b"x")
+    path.write_bytes(text)
+    assert read_mapping(path) == {"a": 1}
+    assert refusal(text + b"x") == "file.yaml: longer than 1 MiB; expected far less"
+    path.write_bytes(text * 3)
+    assert len(read_bytes(path)) == (1 << 20) + 1  # as much as shows that it is too long
+    with pytest.raises(BadInput, match="longer than 1 MiB"):
+        read_mapping(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a: 1\n\nb: &x [1]\nc:\n- *x\n", "file.yaml:5: an alias (*x); write the value itself"),
+        ("a: 1\nb: !t 2\n", "file.yaml:2: a tag (!t); leave it out"),
+        ("a: 1\nb: !t {}\n", "file.yaml:2: a tag (!t); leave it out"),
+        ("a: 1\nb:\n  c: 1\n  2: 1\n", "file.yaml:4: expected text as key; put it in quotes"),
+        ("a: 1\n\nb: 2026-01-02\n", "file.yaml:3: 2026-01-02 reads as a timestamp"),
+        ("a: 1\nb: [1, =]\n", "file.yaml:2: = reads as a value; put it in quotes"),
+        ("a:\n- b: 1\n  b: 2\n", "file.yaml:3: b occurs here and in line 2; remove one of them"),
+        ("5", "file.yaml: expected keys and values, found int"),
+        ("text", "file.yaml: expected keys and values, found str"),
+    ],
+)
+def test_the_line_is_that_of_the_fault(text, says):
+    assert refusal(text).startswith(says)
+
+
+def test_one_key_in_two_mappings_is_no_repetition():
+    text = "a: {x: 1}\nb: {x: 2}\nx: [{x: 3}, {x: 4}]\n"
+    assert parse_mapping(text, "file.yaml") == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("word", [".inf", "-.inf", "+.INF", ".Inf"])
+def test_an_infinity_that_is_meant_is_read(word):
+    assert parse_mapping(f"a: {word}", "f") == yaml.safe_load(f"a: {word}")

@@ -92,3 +92,53 @@ def test_a_passphrase_makes_the_key_of_the_ground_stations():
     """SHA-256, as MAVProxy's `passphrase_to_key`; the value is that of `sha256sum`."""
     digits = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     assert key_of_passphrase("abc").hex() == digits
+
+
+@pytest.mark.parametrize(
+    ("content", "count"),
+    [(b"", 0), (b"x" * 31, 31), (b"ab" * 33, 66), (b"x" * 5000, 4096)],
+)
+def test_the_complaint_counts_what_was_found_and_says_how_to_make_a_key(tmp_path, content, count):
+    path = key_file(tmp_path, content)
+    assert complaint(path) == (
+        f"{path}: expected a signing key, 32 bytes or 64 hexadecimal digits, found {count} bytes "
+        "of something else; make the file with `h2nav signing-key -o FILE`"
+    )
+
+
+def test_each_complaint_says_what_to_do(tmp_path):
+    path = tmp_path / "key"
+    assert complaint(path) == (
+        f"{path}: the signing key cannot be read: No such file or directory; make the file with "
+        "`h2nav signing-key -o FILE`, for the user that runs h2nav"
+    )
+    key_file(tmp_path, KEY, 0o644)
+    assert complaint(path) == (
+        f"{path}: the signing key has mode 0644, so others can read it; run `chmod 600 {path}`, "
+        "and create a new key if others may have read it"
+    )
+    key_file(tmp_path, bytes(32))
+    assert complaint(path).endswith("means to autopilots that signing is off; choose another")
+
+
+@pytest.mark.parametrize(
+    ("mode", "is_refused"), [(0o440, False), (0o460, True), (0o450, True), (0o441, True)]
+)
+def test_the_group_may_only_read_a_credential(tmp_path, monkeypatch, mode, is_refused):
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
+    path = key_file(tmp_path, KEY, mode)
+    if is_refused:
+        assert f"mode {mode:04o}" in complaint(path)
+    else:
+        assert read_signing_key(path) == KEY
+
+
+def test_a_key_is_written_as_digits_and_a_line_feed(tmp_path):
+    write_signing_key(tmp_path / "key", KEY)
+    assert (tmp_path / "key").read_bytes() == KEY.hex().encode() + b"\n"
+    with pytest.raises(BadInput) as caught:
+        write_signing_key(tmp_path / "key", KEY)
+    assert str(caught.value) == (
+        f"{tmp_path / 'key'}: the signing key cannot be written: File exists; name a new file in "
+        "a folder that you may write to"
+    )

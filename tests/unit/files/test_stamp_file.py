@@ -118,3 +118,57 @@ def test_the_return_of_the_folder_is_told(tmp_path):
     folder.mkdir()
     keeper.save()
     assert [notice.is_error for notice in keeper.notices()] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("stored", "clock", "first"),
+    [
+        (1_000, 2_000, 2_000),
+        (2_000, 2_000, 2_000),
+        (2_001, 2_000, 2_001 + 1_000_000),  # what ten seconds may have used
+        (LARGEST_STAMP - 1_000_001, 2_000, LARGEST_STAMP - 1),
+        (LARGEST_STAMP - 10, 2_000, LARGEST_STAMP),
+    ],
+)
+def test_a_clock_behind_the_stored_stamp_is_not_believed(tmp_path, stored, clock, first):
+    StampFile(tmp_path / "stamp").save(stored)
+    now = Clock()
+    now.stamp = clock
+    keeper = StampKeeper(tmp_path / "stamp", now)
+    keeper.close()
+    assert max(keeper.stamp.latest, clock) == first
+
+
+def test_what_was_used_is_stored_at_the_end(tmp_path):
+    keeper = StampKeeper(tmp_path / "stamp", Clock())
+    used = [keeper.stamp.next() for _ in range(3)]
+    keeper.close()
+    assert StampFile(tmp_path / "stamp").load() == used[-1]
+
+
+def test_a_file_is_read_no_further_than_a_stamp_is_long(tmp_path):
+    (tmp_path / "stamp").write_bytes(b"7".ljust(64) + b"x" * 1000)
+    assert StampFile(tmp_path / "stamp").load() == 7
+
+
+def test_the_notices_name_file_trouble_and_remedy(tmp_path):
+    folder = tmp_path / "state"
+    keeper = StampKeeper(folder / "stamp", Clock())
+    keeper.close()
+    keeper.save()  # the same again: told once
+    folder.mkdir()
+    keeper.save()
+    keeper.save()
+    told = f"{folder / 'stamp'}: the signing time stamp"
+    lost = f"[Errno 2] No such file or directory: '{folder / 'stamp'}{NEW_SUFFIX}'"
+    assert keeper.notices() == [
+        (True, f"{told} cannot be stored: {lost}; signing goes on, make its folder writable"),
+        (False, f"{told} is stored again"),
+    ]
+    (folder / "stamp").write_text("soon")
+    keeper = StampKeeper(folder / "stamp", Clock())
+    keeper.close()
+    ((is_error, text),) = keeper.notices()
+    assert is_error
+    assert text.startswith(f"{told} cannot be read: invalid literal")
+    assert text.endswith("; it starts from the host's clock, right or wrong")

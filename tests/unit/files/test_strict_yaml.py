@@ -91,3 +91,52 @@ def test_a_rule_that_a_record_checks_itself_is_a_complaint_with_its_place():
         "file.yaml: span: low 2 is above high 1",
         "file.yaml: span: exchange them",
     ]
+
+
+@dataclass(frozen=True)
+class Either:
+    size: int | str = 0
+    share: float | None = None
+
+
+@pytest.mark.parametrize(
+    ("mapping", "expected"),
+    [
+        ({}, Either()),
+        ({"size": 3}, Either(3)),
+        ({"size": "auto"}, Either("auto")),
+        ({"share": 2}, Either(0, 2.0)),
+    ],
+)
+def test_a_union_takes_each_of_its_kinds(mapping, expected):
+    record = into_record(Either, mapping, "file.yaml")
+    assert record == expected
+    assert repr(record) == repr(expected)  # 2 is not 2.0
+
+
+@pytest.mark.parametrize(
+    ("mapping", "says"),
+    [
+        ({"size": 1.5}, "file.yaml: size: expected a whole number or a text, found 1.5"),
+        ({"size": [1]}, "file.yaml: size: expected a whole number or a text, found [1]"),
+    ],
+)
+def test_a_union_refuses_what_is_none_of_its_kinds(mapping, says):
+    assert errors(mapping, Either) == (says,)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "is_taken"), [(1, True), (100, True), (0.99, False), (101, False)]
+)
+def test_limits_belong_to_what_they_bound(rate_hz, is_taken):
+    mapping = {"name": "a", "inner": {"rate_hz": rate_hz}}
+    if is_taken:
+        rate = into_record(Outer, mapping, "file.yaml").inner.rate_hz
+        assert (rate, type(rate)) == (rate_hz, float)
+    else:
+        said = f"file.yaml: inner.rate_hz: expected a number from 1 to 100, found {float(rate_hz)}"
+        assert errors(mapping) == (said,)
+
+
+def test_a_list_of_texts_becomes_a_tuple():
+    assert into_record(Outer, {"name": "a", "names": ["b", "c"]}, "f").names == ("b", "c")
