@@ -18,12 +18,19 @@ from mcap.writer import Writer
 from needs import shared_data
 from pymavlink import mavutil
 from replayed import rewritten
+from wire_frames import FrameMaker
 
 from h2nav.cli import main
+from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
+from h2nav.log import decoding, repair, survey
+from h2nav.log.account import StateSpan
+from h2nav.log.copying import Recovery
 from h2nav.log.file import Attachment, LogFile
 from h2nav.log.reader import LogScan
 from h2nav.log.recorder import Recorder
+from h2nav.log.survey import LogSurvey, TopicSurvey
+from h2nav.recordings import log_mcap
 from h2nav.recordings.recording import open_recording
 from h2nav.service.records import (
     ComparisonRecord,
@@ -637,3 +644,273 @@ def test_what_an_autopilot_wrote_itself_has_no_frames_to_export(
     words = ["log", "export", str(flight), "-o", str(tmp_path / "a.tlog"), "--to", "tlog"]
     assert main(words) == 2
     assert capsys.readouterr().err == f"h2nav: {flight}: no MAVLink frames in it\n"
+
+
+def test_info_of_a_whole_log_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_log(tmp_path)
+    assert main(["log", "info", str(path)]) == 0
+    head, *rest = capsys.readouterr().out.splitlines()
+    assert head == f"{path}: {path.stat().st_size / 1e6:.2f} MB, closed"
+    assert rest == [
+        "from 2026-11-21 11:31:19 UTC, 9.99 s",
+        "",
+        "topic            messages  rate Hz  longest gap s  schema",
+        "/imu                 1000   100.00          0.010  h2nav.ImuRecord",
+        "/log                    1     0.00          0.000  foxglove.Log",
+        "/mavlink/rx/udp       751    75.08          2.500  mavlink",
+        "/pose                   1     0.00          0.000  foxglove.PoseInFrame",
+        "/rejected               1     0.00          0.000  h2nav.RejectionRecord",
+        "/tf                     1     0.00          0.000  foxglove.FrameTransform",
+        "gap: /mavlink/rx/udp silent for 2.50 s at 4.00 s",
+        "refused: late, duplicate 3",
+        "attachment: configuration.yaml, 13 bytes",
+        "metadata: h2nav: version 1",
+    ]
+
+
+SURVEY = LogSurvey(
+    "a.mcap", 1_234_567, True, START_NS, 12.345, [], [], {}, {}, 0, 0, [], {}, [], []
+)
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ({"damaged_records": 1, "lost_bytes": 7}, ["1 damaged place, 7 bytes lost"]),
+        ({"damaged_records": 2, "lost_bytes": 7}, ["2 damaged places, 7 bytes lost"]),
+        (
+            {"states": [StateSpan("active", "", n, n + 1.0) for n in range(40)]},
+            [f"state: {n}.0 to {n + 1}.0 s active" for n in range(40)],
+        ),
+        (
+            {"states": [StateSpan("active", "", n, n + 1.0) for n in range(42)]},
+            [
+                *(f"state: {n}.0 to {n + 1}.0 s active" for n in range(40)),
+                "state: 2 more (--json lists them)",
+            ],
+        ),
+        ({"refusals": {"late": 2, "early": 1}}, ["refused: early 1", "refused: late 2"]),
+        (
+            {"findings": [{"severity": "error", "from_s": 1.0, "ended": True, "to_s": "soon"}]},
+            ["finding: error, from 1.0 s on of the run: None: None (None)"],
+        ),
+        (
+            {"findings": [{"severity": "error", "from_s": 1.0, "ended": False, "to_s": 2.0}]},
+            ["finding: error, from 1.0 s on of the run: None: None (None)"],
+        ),
+        (
+            {"metadata": {"run": {"a": "1", "b": "2"}}, "attachments": {"x": 1, "y": 2}},
+            ["attachment: x, 1 bytes", "attachment: y, 2 bytes", "metadata: run: a 1, b 2"],
+        ),
+        (
+            {"topics": [TopicSurvey("/a", "json", "", 5, 9, 2.5, 1.25)]},
+            ["/a         5     2.50          1.250  json"],
+        ),
+    ],
+)
+def test_info_tells_each_thing_in_its_words(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    found: dict[str, object],
+    said: list[str],
+) -> None:
+    monkeypatch.setattr(survey, "survey", lambda path, progress: SURVEY._replace(**found))
+    assert main(["log", "info", "a.mcap"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "a.mcap: 1.23 MB, closed"
+    assert [line for line in lines[1:] if line and not line.startswith(("from", "topic"))] == said
+
+
+@pytest.mark.parametrize(
+    ("names", "status", "printed"),
+    [
+        (["none"], 2, ""),
+        (["none", "void"], 2, "[]\n"),
+        (["good"], 0, "{"),
+        (["good", "good"], 0, "["),
+    ],
+)
+def test_documents_of_info_are_as_many_as_logs(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    names: list[str],
+    status: int,
+    printed: str,
+) -> None:
+    def surveyed(path: Path, _: object) -> LogSurvey:
+        if path.name != "good":
+            raise BadInput(f"{path}: no log")
+        return SURVEY
+
+    monkeypatch.setattr(survey, "survey", surveyed)
+    assert main(["log", "info", "--json", *names]) == status
+    told = capsys.readouterr()
+    assert told.out.startswith(printed) if printed else not told.out
+    lines = [f"h2nav: {name}: no log" for name in names if name != "good"]
+    assert told.err.splitlines() == lines
+
+
+def test_export_tells_people_what_it_wrote(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, folder = str(write_run(tmp_path)), tmp_path / "out"
+    words = ["log", "export", log, "--to"]
+
+    def told(form: str, name: str, *more: str) -> list[str]:
+        assert main([*words, form, "-o", str(folder / name), *more]) == 0
+        return capsys.readouterr().out.splitlines()
+
+    assert sorted(told("csv", "csv")) == [
+        f"{folder}/csv/comparison.csv: 3 rows",
+        f"{folder}/csv/finding.csv: 7 rows",
+        f"{folder}/csv/health.csv: 7 rows",
+        f"{folder}/csv/rejected.csv: 2 rows",
+    ]
+    assert told("rosbag2", "bag") == [
+        f"{folder}/bag:",
+        "/diagnostics: 11 of diagnostic_msgs/DiagnosticArray",
+        "3 records left out",
+    ]
+    assert main([*words, "rosbag2", "-o", str(folder / "b"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "path": str(folder / "b"), "messages": {"/diagnostics": 11}, "left_out": 3,
+    }  # fmt: skip
+
+
+def test_export_of_frames_and_poses_tells_how_many(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = LogFile(tmp_path / "a.mcap")
+    frame = FrameMaker().raw_imu(1)
+    log.add_raw("/mavlink/rx/autopilot", START_NS, b"junk" + frame)
+    estimate = EstimateRecord(1, 1.0, *[0.0] * 16, 0)
+    log.add_record("/estimate", estimate, START_NS, START_NS)
+    log.add_record("/smoothed", estimate, START_NS, START_NS)
+    log.add_record("/smoothed", estimate, START_NS, START_NS)
+    path = log.close()
+    words, out = ["log", "export", str(path), "-o"], tmp_path / "out"
+    assert main([*words, f"{out}.tlog", "--to", "tlog"]) == 0
+    assert capsys.readouterr().out == f"{out}.tlog: 1 frames, 4 other bytes left out\n"
+    assert main([*words, f"{out}.tum", "--to", "tum"]) == 0
+    said = f"{out}.tum: 1 poses of /estimate, 0 records left out\n"
+    assert capsys.readouterr().out == said
+    assert main([*words, f"{out}.2", "--to", "tum", "--topic", "/smoothed", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "path": f"{out}.2", "topic": "/smoothed", "poses": 1, "left_out": 1,
+    }  # fmt: skip
+    assert main([*words, f"{out}.3", "--to", "tum", "--topic", "/a", "--topic", "/b"]) == 2
+    said = "h2nav: --topic: one topic at a time can become a trajectory\n"
+    assert capsys.readouterr().err == said
+
+
+def test_export_to_channels_tells_each_and_takes_no_topic(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = foreign_log(tmp_path, "/x", b"{}"), str(tmp_path / "out.mcap")
+    words = ["log", "export", str(log), "-o", out, "--to", "mcap"]
+    assert main([*words, "--topic", "/imu"]) == 2
+    said = "h2nav: --topic: every message becomes a channel; leave it out\n"
+    assert capsys.readouterr().err == said
+    for left_out, more in (0, []), (3, ["3 messages of further channels left out"]):
+        result = log_mcap.McapResult(Path(out), {"/a": 2, "/b": 1}, left_out)
+        monkeypatch.setattr(log_mcap, "export_mcap", lambda *_, found=result: found)
+        assert main(words) == 0
+        lines = ["/a: 2 messages", "/b: 1 messages", *more, out]
+        assert capsys.readouterr().out.splitlines() == lines
+
+
+def test_a_place_that_cannot_be_written_is_named_with_the_remedy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(foreign_log(tmp_path, "/x", b"{}"))
+    assert main(["log", "export", log, "-o", f"{log}/csv"]) == 2
+    assert capsys.readouterr().err.endswith("Not a directory; name a place that can be written\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "output"),
+    [
+        ("a.mcap", "a.recovered.mcap"),
+        ("a.mcap.active", "a.recovered.mcap"),
+        ("a.b.mcap", "a.b.recovered.mcap"),
+        ("a.log", None),
+    ],
+)
+def test_recover_names_its_output_after_the_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, output: str | None
+) -> None:
+    path = foreign_log(tmp_path, "/x", b"{}").rename(tmp_path / name)
+    if output is None:
+        assert main(["log", "recover", str(path)]) == 2
+        said = f"h2nav: {path}: name the output with -o (LOG does not end in .mcap)\n"
+        assert capsys.readouterr().err == said
+        return
+    assert main(["log", "recover", str(path)]) == 0
+    said = f"{tmp_path / output}: 1 messages, 0 attachments; nothing was lost\n"
+    assert capsys.readouterr().out == said
+
+
+@pytest.mark.parametrize(
+    ("found", "status", "said"),
+    [
+        (Recovery(5, 1, 0, 0, 0, True), 0, "5 messages, 1 attachments; nothing was lost"),
+        (
+            Recovery(5, 1, 2, 30, 0, True),
+            3,
+            "5 messages, 1 attachments; 30 bytes in 2 places and 0 messages without a channel were "
+            "lost",
+        ),
+        (
+            Recovery(0, 0, 0, 0, 4, False),
+            3,
+            "0 messages, 0 attachments; 0 bytes in 0 places and 4 messages without a channel were "
+            "lost",
+        ),
+    ],
+)
+def test_recover_counts_what_was_lost(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    found: Recovery,
+    status: int,
+    said: str,
+) -> None:
+    log, out = foreign_log(tmp_path, "/x", b"{}"), str(tmp_path / "out.mcap")
+    monkeypatch.setattr(repair, "recover", lambda *_: found)
+    assert main(["log", "recover", str(log), "-o", out]) == status
+    assert capsys.readouterr().out == f"{out}: {said}\n"
+    assert main(["log", "recover", str(log), "-o", out, "--json"]) == status
+    assert json.loads(capsys.readouterr().out) == {
+        **found._asdict(), "output": out, "lost_something": status == 3,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("copied", "lost"),
+    [
+        (Recovery(5, 1, 0, 0, 0, True), ""),
+        (
+            Recovery(5, 1, 2, 30, 4, True),
+            "h2nav: in.mcap: 30 bytes in 2 places and 4 messages without a channel were lost\n",
+        ),
+    ],
+)
+def test_decode_tells_what_it_added_and_what_was_lost(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    copied: Recovery,
+    lost: str,
+) -> None:
+    result = decoding.DecodeResult({"/autopilot/A": 3, "/autopilot/B": 1}, copied)
+    monkeypatch.setattr(decoding, "decode_log", lambda *_: result)
+    words = ["log", "decode", "in.mcap", "-o", "out.mcap"]
+    assert main(words) == 0
+    lines = ["/autopilot/A: 3 messages", "/autopilot/B: 1 messages", "out.mcap: 5 messages"]
+    told = capsys.readouterr()
+    assert (told.out.splitlines(), told.err) == (lines, lost)
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "output": "out.mcap", "decoded": result.decoded, "copied": copied._asdict(),
+    }  # fmt: skip
