@@ -168,3 +168,123 @@ def test_a_covariance_beyond_single_precision_stands_at_its_end():
     assert read.reset_counter == 300 % 256
     first = outbound.odometry(record._replace(reset_counter=256), 3, 100)
     assert on_the_wire(first).reset_counter == 0
+
+
+THEM = (7, 8)
+
+
+@pytest.mark.parametrize(
+    ("message", "name", "fields"),
+    [
+        (
+            outbound.heartbeat(4),
+            "HEARTBEAT",
+            {"type": 18, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4},
+        ),
+        (
+            outbound.attitude_quaternion(estimate((1 << 32) * 1000 + 5_999)),
+            "ATTITUDE_QUATERNION",
+            {"time_boot_ms": 5, "q2": 0.0, "q3": 0.0, "rollspeed": 0.1, "yawspeed": 0.3},
+        ),
+        (
+            outbound.attitude_quaternion_cov(estimate(7)),
+            "ATTITUDE_QUATERNION_COV",
+            {"time_usec": 7, "q": YAW_EAST, "rollspeed": 0.1, "pitchspeed": 0.2, "yawspeed": 0.3},
+        ),
+        (
+            outbound.estimator_status(9, 3, 0.25, 0.5),
+            "ESTIMATOR_STATUS",
+            {"time_usec": 9, "flags": 3, "vel_ratio": 0.25, "mag_ratio": 0.5, "hagl_ratio": 0.0},
+        ),
+        (
+            outbound.command_ack(511, 4, THEM),
+            "COMMAND_ACK",
+            {"command": 511, "result": 4, "progress": 0, "result_param2": 0,
+             "target_system": 7, "target_component": 8},
+        ),
+        (
+            outbound.arm_authorization(2, 10, THEM),
+            "COMMAND_ACK",
+            {"command": 3001, "result": 2, "progress": 0, "result_param2": 10,
+             "target_system": 7, "target_component": 8},
+        ),
+        (
+            outbound.arming_opinion(-3),
+            "NAMED_VALUE_INT",
+            {"time_boot_ms": 0, "name": "h2_arm", "value": -3},
+        ),
+        (
+            outbound.arming_reason("gyro 1"),
+            "TUNNEL",
+            {"target_system": 0, "target_component": 0, "payload_type": 0xE832,
+             "payload_length": 6, "payload": (*b"gyro 1", *[0] * 122)},
+        ),
+        (outbound.arming_reason("x" * 35), "TUNNEL", {"payload_length": 34}),
+        (outbound.message_interval(30, 50.0), "MESSAGE_INTERVAL",
+         {"message_id": 30, "interval_us": 20_000}),
+        (outbound.message_interval(30, 0.0), "MESSAGE_INTERVAL", {"interval_us": -1}),
+        (outbound.message_interval(30, 1e-9), "MESSAGE_INTERVAL", {"interval_us": (1 << 31) - 1}),
+        (
+            outbound.param_value("H2_ATT_HZ", 5.0, 2, 6),
+            "PARAM_VALUE",
+            {"param_id": "H2_ATT_HZ", "param_value": 5.0, "param_type": 9, "param_index": 2,
+             "param_count": 6},
+        ),
+        (
+            outbound.param_request_read(THEM, "COMPASS_USE"),
+            "PARAM_REQUEST_READ",
+            {"target_system": 7, "target_component": 8, "param_id": "COMPASS_USE",
+             "param_index": -1},
+        ),
+        (
+            outbound.autopilot_version(1, 2, 3),
+            "AUTOPILOT_VERSION",
+            # MAVLink 2, and parameters that are floats
+            {"flight_sw_version": 0x01020300, "capabilities": 0x2002, "uid": 0},
+        ),
+        (
+            outbound.set_message_interval(THEM, 27, 200.0),
+            "COMMAND_LONG",
+            {"target_system": 7, "target_component": 8, "command": 511, "confirmation": 0,
+             "param1": 27.0, "param2": 5_000.0, "param3": 0.0, "param7": 0.0},
+        ),
+        (outbound.set_message_interval(THEM, 27, 0.0), "COMMAND_LONG", {"param2": 0.0}),
+        (
+            outbound.request_message(THEM, 148),
+            "COMMAND_LONG",
+            {"target_system": 7, "target_component": 8, "command": 512, "confirmation": 0,
+             "param1": 148.0, "param2": 0.0, "param7": 0.0},
+        ),
+        (
+            outbound.request_data_stream(THEM, 6, 9.6),
+            "REQUEST_DATA_STREAM",
+            {"target_system": 7, "target_component": 8, "req_stream_id": 6,
+             "req_message_rate": 10, "start_stop": 1},
+        ),
+        (outbound.request_data_stream(THEM, 6, 0.2), "REQUEST_DATA_STREAM",
+         {"req_message_rate": 1}),
+    ],
+)  # fmt: skip
+def test_what_is_sent_says_what_it_means(message, name, fields):
+    read = on_the_wire(message)
+    assert type(read).__name__ == name
+    assert {key: getattr(read, key) for key in fields} == {
+        key: pytest.approx(value) if isinstance(value, float | tuple) else value
+        for key, value in fields.items()
+    }
+
+
+@pytest.mark.parametrize(("frame", "number"), [(PoseFrame.LOCAL_FRD, 20), (PoseFrame.LOCAL_NED, 1)])
+def test_each_number_of_an_odometry_has_its_field(frame, number):
+    pose, twist = tuple(map(float, range(21))), tuple(map(float, range(100, 121)))
+    record = OdometryRecord(
+        6, frame, YAW_EAST, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0), pose, twist, 3
+    )
+    read = on_the_wire(outbound.odometry(record, 3, 55))
+    assert (read.time_usec, read.frame_id, read.child_frame_id) == (6, number, 12)
+    assert read.q == pytest.approx(YAW_EAST)
+    assert (read.x, read.y, read.z) == record.p_m
+    assert (read.vx, read.vy, read.vz) == record.v_b_m_s
+    assert (read.rollspeed, read.pitchspeed, read.yawspeed) == record.w_b_rad_s
+    assert (read.pose_covariance, read.velocity_covariance) == (pose, twist)
+    assert (read.reset_counter, read.estimator_type, read.quality) == (3, 3, 55)

@@ -1,6 +1,7 @@
 """What an autopilot reports of its vehicle."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -9,7 +10,7 @@ from h2nav.wire.codec import Encoder, decode
 from h2nav.wire.deframer import Deframer
 from h2nav.wire.readers import READERS
 from h2nav.wire.refused import Refused
-from h2nav.wire.vehicle import Airspeed, SystemTime, Vibration
+from h2nav.wire.vehicle import Airspeed, SystemTime, Vibration, firmware
 
 
 def read(message):
@@ -54,3 +55,18 @@ def test_a_date_is_known_unknown_or_impossible():
     assert dated(0) == SystemTime(None)
     with pytest.raises(Refused, match="date_out_of_range"):
         dated(1_795_000_000_250_000_000)
+
+
+@pytest.mark.parametrize(
+    ("packed", "text"),
+    [
+        (0x040507FF, "4.5.7"),  # a release
+        (0x04050700, "4.5.7 dev"),
+        (0x01020340, "1.2.3 alpha"),
+        (0x01020380, "1.2.3 beta"),
+        (0xFF0A00C0, "255.10.0 rc"),
+        (0x01020301, "1.2.3"),
+    ],
+)
+def test_a_version_is_told_as_people_write_it(packed, text):
+    assert str(firmware(SimpleNamespace(flight_sw_version=packed))) == text
