@@ -1,8 +1,11 @@
 """What is wrong, told a few times a second."""
 
-from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+import pytest
+
+from h2nav.integrity.findings import Alarm, Kind, Phase, Sensor, SensorKind, Severity
 from h2nav.maths.units import SECOND_NS
-from h2nav.service.effects import Notice
+from h2nav.service.effects import Effect, Notice
+from h2nav.service.health import Objection
 from h2nav.service.judgement import Judgement
 from h2nav.service.notices import Notices
 
@@ -106,3 +109,84 @@ def test_each_sensor_that_fails_is_told_at_once() -> None:
     switching.now = tuple(frozen)
     effects = judgement.look(2 * SECOND_NS)
     assert [effect.text for effect in effects if isinstance(effect, Notice)] == ["IMU 2: frozen"]
+
+
+MS = SECOND_NS // 1000
+
+
+def test_it_looks_after_a_fifth_of_a_second_and_says_when() -> None:
+    always = Always()
+    judgement = Judgement(lambda *_: [], always)
+    judgement.look(SECOND_NS)
+    assert judgement.due_ns == 1200 * MS
+    assert judgement.look(1200 * MS - 1) == []
+    assert (always.asked, judgement.due_ns) == (1, 1200 * MS)
+    judgement.look(1200 * MS)
+    assert (always.asked, judgement.due_ns) == (2, 1400 * MS)
+    judgement.look(1300 * MS, at_once=True)
+    assert (always.asked, judgement.due_ns) == (3, 1500 * MS)
+
+
+@pytest.mark.parametrize(
+    ("pause_ns", "later_ns", "count"),
+    [
+        (2 * SECOND_NS, 0, 1),  # no pause yet
+        (2 * SECOND_NS + 1, 0, 0),
+        (2 * SECOND_NS + 1, SECOND_NS - 1, 0),
+        (2 * SECOND_NS + 1, SECOND_NS, 1),
+    ],
+)
+def test_after_two_seconds_of_silence_alarms_count_again_a_second_later(
+    pause_ns: int, later_ns: int, count: int
+) -> None:
+    judgement = Judgement(lambda *_: [], Always())
+    judgement.look(SECOND_NS)
+    assert len(judgement.alarms) == 1
+    judgement.look(SECOND_NS + pause_ns)
+    judgement.look(SECOND_NS + pause_ns + later_ns, at_once=True)
+    assert len(judgement.alarms) == count
+    assert len(judgement.open) == count
+
+
+def test_what_degrades_is_an_objection_and_told_by_the_state() -> None:
+    switching, told = Switching(), []
+
+    def report(t_ns: int, severity: Severity, text: str, cause: str = "") -> list[Effect]:
+        told.append((t_ns, severity, text, cause))
+        return []
+
+    judgement = Judgement(report, switching)
+    notice = vibration(2)
+    switching.now = (WRONG, notice)
+    effects = judgement.look(SECOND_NS)
+    assert [(effect.phase, effect.finding.kind) for effect in effects] == [
+        (Phase.BEGIN, WRONG.kind),
+        (Phase.BEGIN, notice.kind),
+    ]
+    assert judgement.objections == (Objection(WRONG.cause, WRONG.notice),)
+    assert told == [(SECOND_NS, Severity.NOTICE, "IMU 2: vibration", str(Kind.VIBRATION))]
+    judgement.look(2 * SECOND_NS)  # it was not told, and lasts
+    assert len(told) == 2
+    switching.now = (WRONG._replace(degrades=False),)
+    judgement.look(3 * SECOND_NS)
+    assert judgement.objections == ()
+    assert len(told) == 2
+
+
+def test_an_error_is_told_by_its_own_cause() -> None:
+    switching, causes = Switching(), []
+
+    def report(_t_ns: int, _severity: Severity, _text: str, cause: str = "") -> list[Effect]:
+        causes.append(cause)
+        return [Notice(Severity.ERROR, "told")]
+
+    judgement = Judgement(report, switching)
+    switching.now = tuple(vibration(1 + n, level) for n, level in enumerate(Severity))
+    judgement.look(SECOND_NS)
+    expected = [
+        alarm.cause if alarm.severity <= Severity.ERROR else str(Kind.VIBRATION)
+        for alarm in switching.now
+    ]
+    assert sorted(causes) == sorted(expected)
+    judgement.look(2 * SECOND_NS)
+    assert len(causes) == len(expected)  # once

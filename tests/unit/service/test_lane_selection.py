@@ -134,3 +134,94 @@ def test_a_compass_that_is_known_to_be_wrong_is_left_for_that_cause():
 def test_a_wrong_compass_is_kept_where_all_are_wrong():
     wrong = GOOD._replace(compass_is_wrong=True)
     assert first_switch(wrong, wrong) is None
+
+
+@pytest.mark.parametrize(
+    ("present", "other", "leaves"),
+    [
+        # clearly better is less than half
+        (GOOD._replace(ratio=1.2), GOOD._replace(ratio=0.599), True),
+        (GOOD._replace(ratio=1.2), GOOD._replace(ratio=0.6), False),
+        (GOOD._replace(ratio=1.0), GOOD._replace(ratio=0.0), False),
+        (GOOD._replace(noise_m_s2=4.0, is_shaken=True), GOOD._replace(noise_m_s2=1.99), True),
+        (GOOD._replace(noise_m_s2=4.0, is_shaken=True), GOOD._replace(noise_m_s2=2.0), False),
+        # a compass sees north below half of the limit
+        (GOOD._replace(field_ratio=1.01), GOOD._replace(field_ratio=0.499), True),
+        (GOOD._replace(field_ratio=1.01), GOOD._replace(field_ratio=0.5), False),
+        (GOOD._replace(field_ratio=1.0), GOOD._replace(field_ratio=0.0), False),
+        # whom a lane is left for passes its own tests
+        (BAD, GOOD._replace(ratio=0.999), True),
+        (BAD, GOOD._replace(ratio=1.0), False),
+    ],
+)
+def test_how_much_better_another_lane_has_to_be(present, other, leaves):
+    assert (first_switch(present, other, until_s=3.0) is not None) is leaves
+
+
+@pytest.mark.parametrize(
+    ("present", "cause", "patience_ns"),
+    [
+        (BAD, SwitchCause.BAD, 0),
+        (SILENT, SwitchCause.SILENT, 100_000_000),
+        (GOOD._replace(ratio=1.5), SwitchCause.WORSE, 500_000_000),
+        (GOOD._replace(noise_m_s2=4.0, is_shaken=True), SwitchCause.NOISE, 1_000_000_000),
+        (GOOD._replace(field_ratio=1.5), SwitchCause.COMPASS, 2_000_000_000),
+    ],
+)
+def test_each_cause_has_its_patience_and_begins_anew(present, cause, patience_ns):
+    selection, lanes, start_ns = LaneSelection(), {0: present, 1: GOOD}, 10**12
+    if patience_ns:
+        assert selection.look(start_ns, 0, lanes) is None
+        assert selection.look(start_ns + patience_ns - 1, 0, lanes) is None
+        assert selection.look(start_ns + patience_ns - 1, 0, {0: GOOD, 1: GOOD}) is None
+        start_ns += patience_ns
+        assert selection.look(start_ns, 0, lanes) is None
+    assert selection.look(start_ns + patience_ns, 0, lanes) == Switch(1, cause)
+
+
+@pytest.mark.parametrize(
+    ("others", "chosen"),
+    [
+        # below half of the limit the deviation decides, above it the ratio
+        ([{"ratio": 0.5, "sigma_rad": 0.01}, {"ratio": 0.1, "sigma_rad": 0.02}], 1),
+        ([{"ratio": 0.51, "sigma_rad": 0.01}, {"ratio": 0.1, "sigma_rad": 0.02}], 2),
+        ([{"ratio": 0.2}, {"ratio": 0.1}], 1),  # of equals the first
+        ([{"compass_is_wrong": True}, {"sigma_rad": 1.0}], 2),
+        ([{"compass_is_wrong": True, "sigma_rad": 1.0}, {"compass_is_wrong": True}], 2),
+    ],
+)
+def test_who_takes_over(others, chosen):
+    _, switch = first_switch(BAD, *(GOOD._replace(**how) for how in others))
+    assert switch.lane == chosen
+
+
+@pytest.mark.parametrize(
+    ("others", "chosen"),
+    [
+        ([{"field_ratio": 0.3}, {"field_ratio": 0.2, "sigma_rad": 1.0}], 2),
+        ([{"field_ratio": 0.2}, {"field_ratio": 0.2}], 1),
+    ],
+)
+def test_a_disturbed_compass_is_left_for_the_one_that_sees_north_best(others, chosen):
+    present = GOOD._replace(field_ratio=1.5)
+    _, switch = first_switch(present, *(GOOD._replace(**how) for how in others))
+    assert switch == Switch(chosen, SwitchCause.COMPASS)
+
+
+@pytest.mark.parametrize(
+    ("how", "may"),
+    [
+        ({}, False),
+        ({"ratio": 1.0}, False),
+        ({"ratio": 1.01}, True),
+        ({"field_ratio": 1.0}, False),
+        ({"field_ratio": 1.01}, True),
+        ({"field_ratio": math.nan}, False),
+        ({"is_silent": True}, True),
+        ({"is_shaken": True}, True),
+        ({"compass_is_wrong": True}, True),
+        ({"noise_m_s2": 99.0, "sigma_rad": 3.0, "may_follow": False}, False),
+    ],
+)
+def test_a_lane_may_be_left_if_anything_is_wrong_with_it(how, may):
+    assert GOOD._replace(**how).may_be_left is may
