@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from h2nav.attitude.samples import EarthField, VehicleState, VelocityFix
+from h2nav.attitude.samples import MAX_FIX_SIGMA_M_S, EarthField, VehicleState, VelocityFix
 from h2nav.integrity.gnss import SignalState
 from h2nav.service.aiding import (
     DEFAULT_SIGMA_M_S,
@@ -14,9 +14,10 @@ from h2nav.service.aiding import (
     autopilot_velocity,
     gps_velocity,
 )
+from h2nav.service.records import AidingRecord
 from h2nav.service.settings import AidingSettings, NorthSettings
-from h2nav.wire.position import EstimatedVelocity, GpsFix, Place
-from h2nav.wire.vehicle import Airspeed
+from h2nav.wire.position import EstimatedVelocity, GpsFix, Origin, Place
+from h2nav.wire.vehicle import Airspeed, LandedState, SystemTime
 
 FIELD = EarthField(50.0, 1.0, 0.1)
 
@@ -137,3 +138,183 @@ def test_what_a_receiver_said_counts_for_ten_seconds_of_the_autopilots_clock(hea
     aiding = Aiding(AidingSettings(), field_of(), None, estimation, None)
     aiding.gnss.state(1_000_000, SignalState(0, jamming=1, spoofing=3))
     assert len(aiding.alarms()) == alarms
+
+
+S = 10**9
+UNIX_S = 1_795_000_000.0
+
+
+@pytest.mark.parametrize(
+    ("place", "is_asked"),
+    [
+        (Place(0.0099, 0.0, 0.0), False),
+        (Place(0.0101, 0.0, 0.0), True),
+        (Place(0.0, -0.0101, 0.0), True),
+        (Place(-0.008, 0.008, 0.0), True),
+    ],
+)
+def test_a_kilometre_from_0_n_0_e_is_a_place(place, is_asked):
+    asked = []
+    assert (field_of(asked).at(0, place) is not None) is is_asked
+    assert asked == ([(*place, UNIX_S)] if is_asked else [])
+
+
+@pytest.mark.parametrize(
+    ("moved", "is_asked"),
+    [
+        ({"latitude_deg": -35.36 + 0.49}, False),
+        ({"latitude_deg": -35.36 + 0.51}, True),
+        ({"longitude_deg": 149.17 - 0.51}, True),
+        ({"latitude_deg": -35.36 + 0.4, "longitude_deg": 149.17 + 0.4}, True),
+        ({"altitude_m": 9_000.0}, False),
+    ],
+)
+def test_half_a_degree_away_is_another_field(moved, is_asked):
+    asked = []
+    field = field_of(asked)
+    field.at(0, HOME)
+    assert field.is_known
+    for t_s in (1.0, 2.0, 4.0):
+        field.at(round(t_s * S), HOME._replace(**moved))
+    assert len(asked) == 1 + is_asked
+
+
+def test_the_first_place_makes_the_field_known_though_there_is_none():
+    field = FieldOfTheEarth(NorthSettings(), lambda *_: None, UNIX_S)
+    assert not field.is_known
+    assert field.at(0, HOME) is None
+    assert field.is_known
+
+
+@pytest.mark.parametrize(("above_m_s", "is_used"), [(0.0, True), (0.01, False)])
+def test_a_velocity_is_as_good_as_the_filter_needs(above_m_s, is_used):
+    fix = GpsFix(5_000_000, HOME, (1.0, 2.0, math.nan), MAX_FIX_SIGMA_M_S + above_m_s)
+    assert (gps_velocity(fix, 5_000_000) is not None) is is_used
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("apart_us", "is_own"), [(1_999_999, True), (2_000_000, False)])
+def test_a_time_two_seconds_away_is_of_another_clock(sign, apart_us, is_own):
+    fix = GpsFix(9_000_000 + sign * apart_us, HOME, (1.0, 2.0, 0.0), 0.2)
+    assert gps_velocity(fix, 9_000_000).t_us == (fix.time_us if is_own else 9_000_000)
+
+
+class Vehicle:
+    """What an `Aiding` passes on, of a vehicle that flies."""
+
+    def __init__(self, *, heard_us=10_000_000, is_armed=True, is_fixed_wing=True, **settings):
+        self.used, self.gravity, self.witnessed, self.landed = [], [], [], []
+        self.autopilot = SimpleNamespace(
+            identity=SimpleNamespace(is_fixed_wing=is_fixed_wing),
+            on_ground=False,
+            is_armed=is_armed,
+            take_landed_state=lambda *said: self.landed.append(said),
+        )
+        estimation = SimpleNamespace(
+            heard_t_us=heard_us,
+            use=self.used.append,
+            use_gravity=self.gravity.append,
+            doubt="doubt",
+            velocity_is_false=False,
+        )
+        witness = SimpleNamespace(fix=lambda *said: self.witnessed.append(said))
+        self.aiding = Aiding(
+            AidingSettings(**settings), field_of(), self.autopilot, estimation, witness
+        )
+
+
+FIX = GpsFix(10_000_000, HOME, (1.0, -2.0, 0.5), 0.25, 11)
+VELOCITY = VelocityFix(10_000_000, (1.0, -2.0, 0.5), 0.25, altitude_m=584.0)
+
+
+def test_a_fix_gives_field_gravity_velocity_and_their_records():
+    vehicle = Vehicle()
+    field, velocity = vehicle.aiding.on_receiver(S, FIX)
+    assert vehicle.used == [FIELD, VELOCITY]
+    assert vehicle.witnessed == [(VELOCITY, "doubt")]
+    assert vehicle.gravity == [pytest.approx(9.7966, abs=1e-3)]  # 35 deg S, 584 m
+    assert (field.topic, field.t_us) == ("/aiding", None)
+    assert (velocity.topic, velocity.t_us) == ("/aiding", 10_000_000)
+    assert field.record == AidingRecord(
+        "field",
+        field_norm_ut=50.0,
+        field_dip_deg=pytest.approx(math.degrees(1.0)),
+        declination_deg=pytest.approx(math.degrees(0.1)),
+    )
+    assert velocity.record == AidingRecord("velocity", 1.0, -2.0, 0.5, 0.25, True)
+
+
+@pytest.mark.parametrize(
+    ("how", "passes", "is_witnessed"),
+    [({}, True, True), ({"gps_velocity": False}, False, True), ({"heard_us": None}, False, False)],
+)
+def test_where_no_velocity_is_wanted_the_witness_still_takes_it(how, passes, is_witnessed):
+    vehicle = Vehicle(**how)
+    vehicle.aiding.on_receiver(S, FIX)
+    assert (VELOCITY in vehicle.used) is passes
+    assert bool(vehicle.witnessed) is is_witnessed
+
+
+def test_fifty_velocities_at_once_and_fifty_a_second():
+    vehicle = Vehicle()
+    for _ in range(60):
+        vehicle.aiding.on_receiver(S, FIX)
+    assert vehicle.used.count(VELOCITY) == 50
+    vehicle.aiding.on_receiver(S + 20_000_000 - 1, FIX)
+    assert vehicle.used.count(VELOCITY) == 50
+    vehicle.aiding.on_receiver(S + 20_000_000, FIX)
+    assert vehicle.used.count(VELOCITY) == 51
+
+
+@pytest.mark.parametrize(
+    ("heard_us", "is_wanted", "passes"),
+    [(10_000_000, True, True), (10_000_000, False, False), (None, True, False)],
+)
+def test_the_autopilots_own_velocity_is_used_on_request(heard_us, is_wanted, passes):
+    vehicle = Vehicle(heard_us=heard_us, autopilot_velocity=is_wanted)
+    said = EstimatedVelocity(9_900_000, (1.0, 2.0, 3.0))
+    effects = vehicle.aiding.on_autopilot_velocity(S, said)
+    expected = VelocityFix(9_900_000, (1.0, 2.0, 3.0), 0.5, False)
+    assert vehicle.used == ([expected] if passes else [])
+    assert [effect.record for effect in effects] == (
+        [AidingRecord("velocity", 1.0, 2.0, 3.0, 0.5, False)] if passes else []
+    )
+
+
+def test_a_vehicle_is_passed_when_it_has_changed():
+    vehicle = Vehicle()
+    (effect,) = vehicle.aiding.on_landed_state(3 * S, LandedState(True))
+    assert vehicle.landed == [(3 * S, True)]
+    assert vehicle.used == [VehicleState(False, None, is_armed=True)]
+    assert effect.record == AidingRecord("vehicle", on_ground=False)
+    assert vehicle.aiding.pass_vehicle(4 * S) == []
+    vehicle.autopilot.is_armed = False
+    assert vehicle.aiding.pass_vehicle(5 * S)
+    assert vehicle.used[1:] == [VehicleState(False, None, is_armed=False)]
+
+
+@pytest.mark.parametrize(("later_ns", "is_fresh"), [(2 * S, True), (2 * S + 1, False)])
+def test_an_airspeed_is_fresh_for_two_seconds(later_ns, is_fresh):
+    vehicle = Vehicle()
+    (effect,) = vehicle.aiding.on_airspeed(9 * S, Airspeed(20.0))
+    assert effect.record.airspeed_m_s == pytest.approx(20.0)
+    assert (vehicle.aiding.pass_vehicle(9 * S + later_ns) == []) is is_fresh
+
+
+def test_the_place_of_the_start_is_used_until_another_is_known():
+    vehicle = Vehicle()
+    assert not vehicle.aiding.knows_field
+    assert vehicle.aiding.on_origin(0, Origin(HOME))
+    assert vehicle.aiding.knows_field
+    for t_s in range(1, 9):
+        assert vehicle.aiding.on_origin(t_s * S, Origin(FAR)) == []
+    assert vehicle.used == [FIELD]
+
+
+def test_a_date_that_is_unknown_changes_nothing():
+    asked, nothing = [], SimpleNamespace(use=lambda _: None, use_gravity=lambda _: None)
+    aiding = Aiding(AidingSettings(), field_of(asked), None, nothing, None)
+    assert aiding.on_system_time(SystemTime(1_800_000_000.0)) == []
+    assert aiding.on_system_time(SystemTime(None)) == []
+    aiding.on_place(0, HOME)
+    assert asked == [(*HOME, 1_800_000_000.0)]

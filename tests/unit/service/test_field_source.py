@@ -72,3 +72,41 @@ def test_other_autopilots_and_a_chosen_message_keep_their_own_field():
         source.take_field(0, CALIBRATED)
         assert field_at(source, 1) == RAW
     assert not FieldSource(PX4, lends=True).is_wanted(HIGHRES)
+
+
+S = 1_000_000_000
+
+
+@pytest.mark.parametrize(("waits_ns", "found"), [(2 * S, None), (2 * S + 1, RAW)])
+def test_a_calibrated_field_is_waited_for_two_seconds(waits_ns, found):
+    source = FieldSource(PX4, lends=True)
+    assert field_at(source, S) is None
+    assert field_at(source, S + waits_ns) == found
+    assert source.is_raw is (found is RAW)
+
+
+@pytest.mark.parametrize(
+    ("age_ns", "found"), [(S, CALIBRATED), (S + 1, None), (5 * S, None), (5 * S + 1, RAW)]
+)
+def test_a_calibrated_field_is_used_for_one_second_and_waited_for_five(age_ns, found):
+    source = FieldSource(PX4, lends=True)
+    source.take_field(7 * S, CALIBRATED)
+    assert field_at(source, 7 * S + age_ns) == found
+    assert source.has_lent is (found is CALIBRATED)
+
+
+def test_no_field_is_wanted_before_a_message_is_in_use():
+    assert not FieldSource(PX4, lends=True).is_wanted(None)
+
+
+def test_a_calibrated_field_of_the_sample_itself_counts_as_heard():
+    source = FieldSource(PX4, lends=True)
+    assert field_at(source, 0) is None
+    assert field_at(source, 4 * S, HIGHRES, CALIBRATED) == CALIBRATED
+    assert not source.is_raw
+    assert field_at(source, 9 * S) is None
+    source = FieldSource(PX4, lends=True)
+    assert field_at(source, 0) is None
+    assert field_at(source, 4 * S, HIGHRES, None) is None
+    assert field_at(source, 9 * S) == RAW
+    assert source.is_raw

@@ -1,7 +1,7 @@
 import pytest
 
 from h2nav.integrity.severity import Severity
-from h2nav.service.health import Objection, ServiceState, Signs, judge
+from h2nav.service.health import AT_START, Objection, ServiceState, Signs, judge
 from h2nav.service.notices import Notices
 from h2nav.service.standing import Standing
 
@@ -132,3 +132,40 @@ def test_an_autopilot_that_has_not_been_heard_yet_is_no_warning():
     (first,), (_,), (again,) = told(silent, {}, silent)
     assert first == (Severity.INFO, "no_autopilot: no autopilot heartbeat")
     assert again == (Severity.WARNING, "no_autopilot: no autopilot heartbeat")
+
+
+@pytest.mark.parametrize(
+    ("signs", "state", "cause", "reason"),
+    [
+        ({"link_error": ""}, ServiceState.NO_LINK, "link is down", "link is down"),
+        ({"link_error": "no such port"}, ServiceState.NO_LINK, "no such port", "no such port"),
+        ({"stall_ns": 1500 * MS_NS, "late_ns": 900 * MS_NS}, ServiceState.DEGRADED, "late",
+         "late by 1.5 s"),
+        ({"stall_ns": 1500 * MS_NS, "late_ns": 2300 * MS_NS}, ServiceState.DEGRADED, "late",
+         "late by 2.3 s"),
+        ({"autopilot_known": False}, ServiceState.NO_AUTOPILOT, "heartbeat",
+         "no autopilot heartbeat"),
+        ({"autopilot_known": False, "bytes_are_junk": True}, ServiceState.NO_AUTOPILOT, "junk",
+         "bytes, no MAVLink: wrong baud rate?"),
+        ({"last_sample_ns": NOW_NS - 500 * MS_NS}, ServiceState.ACTIVE, "", ""),
+        ({"last_sample_ns": NOW_NS - 500 * MS_NS - 1}, ServiceState.NO_IMU, "silent",
+         "no IMU messages arrive"),
+        ({"last_gap_ns": 500 * MS_NS + 1}, ServiceState.NO_IMU, "silent",
+         "no IMU messages arrive"),
+        ({"has_estimate": False}, ServiceState.ALIGNING, "alignment",
+         "finding the first attitude"),
+        ({"rate_hz": 49.9}, ServiceState.DEGRADED, "rate", "IMU rate 50 of 100 Hz"),
+        ({"rate_hz": 50.0}, ServiceState.ACTIVE, "", ""),
+        ({"rate_hz": 20.0, "late_ns": 400 * MS_NS, "objections": (Objection("stuck", "x stuck"),)},
+         ServiceState.DEGRADED, "late; stuck; rate",
+         "late by 0.4 s; x stuck; IMU rate 20 of 100 Hz"),
+    ],
+)  # fmt: skip
+def test_each_state_has_its_cause_and_its_reason(signs, state, cause, reason):
+    verdict = judge(WELL._replace(**signs), NOW_NS)
+    assert verdict == (state, cause, reason)
+    assert verdict.text == (f"{state.value}: {reason}" if reason else state.value)
+
+
+def test_the_first_state_is_that_of_a_link_that_is_down():
+    assert AT_START == judge(WELL._replace(link_error=""), NOW_NS)

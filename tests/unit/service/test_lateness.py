@@ -208,3 +208,71 @@ def test_what_waits_in_the_line_is_late_at_any_rate(rate_at):
     assert min(old) > 150.0
     after = [late_ms for t_s, _, late_ms in line.arrivals if t_s > 43.0]
     assert max(after) < 150.0
+
+
+def seen_at(*samples):
+    """After samples of (arrival, now, own time), ms."""
+    lateness = Lateness()
+    for arrived_ms, now_ms, sample_ms in samples:
+        lateness.seen(arrived_ms * MS, now_ms * MS, sample_ms * 1000)
+    return lateness
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "is_doubted", "is_late"),
+    [
+        (0, False, False),
+        (50, False, False),
+        (51, True, False),
+        (150, True, False),
+        (151, True, True),
+    ],
+)
+def test_how_late_is_doubted_and_how_late_is_not_sent(late_ms, is_doubted, is_late):
+    lateness = seen_at((1_000, 1_000, 0), (1_010, 1_010 + late_ms, 10))
+    assert lateness.late_ns == late_ms * MS
+    assert (lateness.is_doubted, lateness.is_late) == (is_doubted, is_late)
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "later_ms", "is_lasting"),
+    [(200, 299, False), (200, 300, True), (300, 0, False), (301, 0, True)],
+)
+def test_lateness_lasts_after_300_ms_and_twice_too_much_is_said_at_once(
+    late_ms, later_ms, is_lasting
+):
+    lateness = seen_at((1_000, 1_000, 0), (1_010, 1_010 + late_ms, 10))
+    now_ns = (1_010 + late_ms + later_ms) * MS
+    assert lateness.is_lasting(now_ns) is is_lasting
+
+
+def test_before_the_first_sample_nothing_is_late():
+    lateness = Lateness()
+    assert (lateness.late_ns, lateness.is_late, lateness.is_doubted) == (0, False, False)
+    assert not lateness.is_lasting(10**15)
+    lateness.compared(exchange(BOOT_NS, 0))
+    assert lateness.is_doubted  # one exchange shows no rate
+
+
+def test_the_least_delay_creeps_by_a_tenth_without_exchanges():
+    lateness = seen_at((1_000, 1_000, 0), (2_050, 2_050, 1_000))
+    assert lateness.late_ns == 0  # 50 ms of 105 that may have crept
+    lateness.seen(3_200 * MS, 3_200 * MS, 2_000_000)
+    assert lateness.late_ns == 35 * MS  # 150 ms more, of which 115 may have crept
+    lateness.seen(3_160 * MS, 3_160 * MS, 2_010_000)
+    assert lateness.late_ns == 0  # quicker than all before
+
+
+@pytest.mark.parametrize(("now_ms", "late_ms"), [(21_000, 18_880), (21_001, 1)])
+def test_a_delay_that_has_lasted_for_twenty_seconds_is_the_usual_one(now_ms, late_ms):
+    lateness = seen_at((0, 0, 0), (1_000, 1_000, 10), (21_000, now_ms, 20))
+    assert lateness.late_ns == late_ms * MS
+
+
+def test_after_a_restart_the_first_sample_is_usual():
+    lateness = seen_at((1_000, 1_000, 0), (1_010, 2_000, 10))
+    assert lateness.is_late
+    lateness.restart()
+    assert (lateness.late_ns, lateness.is_late) == (0, False)
+    lateness.seen(9_000 * MS, 9_000 * MS, 5)
+    assert lateness.late_ns == 0

@@ -193,3 +193,110 @@ def test_messages_that_were_held_up_are_followed_as_another_line_of_the_same_epo
     assert verdicts[-1] is TimeVerdict.NEXT
     assert TimeVerdict.SECOND_SENDER in verdicts
     assert (clock.line, clock.epoch) == (1, 0)
+
+
+NEXT, LATE, STRAY = TimeVerdict.NEXT, TimeVerdict.LATE, TimeVerdict.STRAY
+NEW_EPOCH, REBOOT = TimeVerdict.NEW_EPOCH, TimeVerdict.REBOOT
+MS = 1_000_000
+START_US = 500_000_000
+
+
+@pytest.mark.parametrize(
+    ("step_us", "pause_ms", "verdict"),
+    [
+        (1, 0, NEXT),
+        (10_000_000, 10_000, NEXT),  # the longest gap
+        (10_000_001, 10_001, STRAY),
+        # a stamp may be ahead of its arrival by a quarter of a second
+        (260_000, 10, NEXT),
+        (260_001, 10, STRAY),
+        (0, 10, TimeVerdict.DUPLICATE),
+        (-1, 10, LATE),
+        (-1_999_999, 10, LATE),
+        (-2_000_000, 10, STRAY),
+    ],
+)
+def test_what_a_step_of_the_time_means(step_us, pause_ms, verdict):
+    one = line(1)
+    one.advance(START_US)
+    assert one.advance(START_US + step_us, pause_ms) == (verdict, START_US + step_us)
+
+
+@pytest.mark.parametrize(("unit_us", "last"), [(1, UINT32 - 1), (1000, UINT32 - 1)])
+def test_a_counter_wraps_within_ten_seconds(unit_us, last):
+    one = line(unit_us)
+    one.advance(last)
+    within, beyond = 9_999_999 // unit_us, 10_000_000 // unit_us + 1
+    assert one.advance(beyond, 11_000)[0] is STRAY
+    assert one.advance(within) == (NEXT, (UINT32 + within) * unit_us)
+    assert one.advance(within + 1) == (NEXT, (UINT32 + within + 1) * unit_us)
+
+
+@pytest.mark.parametrize(
+    ("silence_ms", "verdicts"),
+    [
+        (199, [STRAY, STRAY, TimeVerdict.SECOND_SENDER]),
+        (200, [STRAY, STRAY, TimeVerdict.SECOND_SENDER]),
+        (201, [STRAY, STRAY, NEW_EPOCH]),
+    ],
+)
+def test_a_line_is_alive_for_a_fifth_of_a_second(silence_ms, verdicts):
+    one = line(1)
+    one.advance(START_US)
+    pauses_ms = (silence_ms - 20, 10, 10)
+    other_us = 900_000_000
+    found = [
+        one.advance(other_us + 10_000 * n, pause_ms)[0] for n, pause_ms in enumerate(pauses_ms)
+    ]
+    assert found == verdicts
+
+
+@pytest.mark.parametrize(("first_us", "verdict"), [(59_979_999, REBOOT), (59_980_000, NEW_EPOCH)])
+def test_a_clock_below_a_minute_has_rebooted(first_us, verdict):
+    one = line(1)
+    one.advance(START_US)
+    found = [one.advance(first_us + 10_000 * n, 300) for n in range(3)]
+    assert found == [
+        (STRAY, first_us),
+        (STRAY, first_us + 10_000),
+        (verdict, first_us + 20_000),
+    ]
+    assert (one.clock.epoch, one.clock.line) == (1, 1)
+    assert one.advance(first_us + 30_000) == (NEXT, first_us + 30_000)
+
+
+@pytest.mark.parametrize(
+    ("steps_us", "pause_ms", "is_followed"),
+    [
+        ((10_000, 10_000), 300, True),
+        ((550_000, 550_000), 300, True),  # a quarter of a second ahead
+        ((550_001, 10_000), 300, False),
+        ((0, 10_000), 300, False),
+        ((-5, 10_000), 300, False),
+        ((10_000_000, 10_000_000), 10_000, True),
+        ((10_000_001, 10_000), 10_001, False),
+    ],
+)
+def test_three_times_that_follow_each_other_are_a_line(steps_us, pause_ms, is_followed):
+    one = line(1)
+    one.advance(START_US)
+    raw_us, found = 900_000_000, []
+    for step_us in (0, *steps_us):
+        raw_us += step_us
+        found.append(one.advance(raw_us, pause_ms)[0])
+    assert (found[-1] is NEW_EPOCH) is is_followed
+
+
+@pytest.mark.parametrize(
+    ("newest_us", "raw", "t_us"),
+    [
+        (5_000_000, 5_010_000, 5_010_000),
+        (UINT32 + 5_000, 6_000, UINT32 + 6_000),
+        (3 * UINT32 - 4_000, UINT32 - 3_000, 3 * UINT32 - 3_000),
+        (UINT32 - 1_000, UINT32 + 1_000, UINT32 + 1_000),
+    ],
+)
+def test_another_message_goes_on_from_as_many_wraps(newest_us, raw, t_us):
+    clock = SampleClock(1, newest_us, 10 * MS)
+    assert clock.advance(20 * MS, raw) == (NEXT, t_us)
+    assert (clock.epoch, clock.line) == (0, 0)

@@ -8,10 +8,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_flight import SimulatedFlight
 
 from h2nav.apps.configuration import Configuration
+from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item
+from h2nav.integrity.ratios import InnovationRatios
+from h2nav.integrity.velocity_witness import VelocityVerdict, Verdicts
+from h2nav.integrity.witness import AttitudeSource, Comparison
 from h2nav.log.schema import record_format
 from h2nav.maths import quaternion
+from h2nav.service.comparing import LatestReport
+from h2nav.service.health import ServiceState, StateVerdict
+from h2nav.service.outputs import Assessment
 from h2nav.service.records import StatusRecord
 from h2nav.service.settings import AutopilotSettings
+from h2nav.service.status import status_record
 
 QUIET = Configuration(autopilot=AutopilotSettings(compare_rate_hz=0.0))
 
@@ -87,3 +96,40 @@ def test_what_came_after_the_round_began_has_no_negative_age():
     flight = SimulatedFlight("rest").run(5.0)
     told = flight.pipeline.service.status(0)
     assert told.age_ms == 0.0
+
+
+def test_each_part_of_a_moment_has_its_place():
+    reported = LatestReport(9_000_000, AttitudeSource.AHRS2, (0.1, 0.2, 0.3, 0.4))
+    difference = Comparison(
+        5, AttitudeSource.AUTOPILOT, 0.1, -0.2, 0.3, 0.4,
+        Verdicts(VelocityVerdict.H2NAV, VelocityVerdict.AUTOPILOT),
+    )  # fmt: skip
+    alarms = tuple(
+        Alarm(Kind.GYRO_FROZEN, Sensor(SensorKind.IMU, n), Severity.ERROR, 1.0, "s", "frozen", "")
+        for n in (1, 2)
+    )
+    ground = GroundVerdict((GroundFault(Item.GYRO, "IMU 1", 4.0, "deg/s", 2.0),) * 2)
+    ratios = InnovationRatios(velocity_1s=0.1, velocity_10s=0.2, force_10s=0.3)
+    record = status_record(
+        10_500_000,
+        StateVerdict(ServiceState.DEGRADED, "cause", "why"),
+        "ArduPilot quadrotor 1/1",
+        10_000_000,
+        reported,
+        Assessment(ratios, alarms, difference, ground),
+    )
+    assert (record.state, record.reason, record.vehicle) == (
+        "degraded",
+        "why",
+        "ArduPilot quadrotor 1/1",
+    )
+    assert (record.age_ms, record.autopilot_age_ms) == (0.5, 1.5)
+    q_nb = record.autopilot_q_w, record.autopilot_q_x, record.autopilot_q_y, record.autopilot_q_z
+    assert q_nb == (0.1, 0.2, 0.3, 0.4)
+    assert record.autopilot_source == "AHRS2"
+    angles = record.tilt_deg, record.heading_deg, record.sigma_tilt_deg, record.sigma_heading_deg
+    assert angles == pytest.approx((5.7296, -11.4592, 17.1887, 22.9183), abs=1e-4)
+    assert (record.tilt_verdict, record.heading_verdict) == ("h2nav", "autopilot")
+    assert (record.velocity_ratio, record.force_ratio) == (0.2, 0.3)
+    assert record.alarms == "IMU 1: frozen\nIMU 2: frozen"
+    assert record.preflight == "\n".join(["gyro 1 turns 4.0 deg/s at rest"] * 2)
