@@ -168,4 +168,4 @@ def test_each_state_has_its_cause_and_its_reason(signs, state, cause, reason):
 
 
 def test_the_first_state_is_that_of_a_link_that_is_down():
-    assert AT_START == judge(WELL._replace(link_error=""), NOW_NS)
+    assert judge(WELL._replace(link_error=""), NOW_NS) == AT_START
