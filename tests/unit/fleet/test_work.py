@@ -222,3 +222,41 @@ def test_the_memory_that_counts_is_that_which_the_system_says() -> None:
     status = Path("/proc/self/status").read_text()
     resident_kib = int(status.partition("VmRSS:")[2].split()[0])
     assert work._resident_bytes() == pytest.approx(resident_kib * 1024, rel=0.1)
+
+
+def test_a_flight_within_its_limits_is_left_alone(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may need all that it is allowed; the watch has looked three times, and ends with it."""
+    looks, looked, ended = [], threading.Event(), []
+
+    def resident_bytes() -> int:
+        looks.append(1)
+        if len(looks) == 3:
+            looked.set()
+        return 700 << 20
+
+    def review(path: Path, folder: Path) -> dict:
+        assert looked.wait(30.0)
+        return {}
+
+    monkeypatch.setattr(work, "_LOOK_S", 1e-3)
+    monkeypatch.setattr(work, "_resident_bytes", resident_bytes)
+    monkeypatch.setattr(work.os, "_exit", ended.append)
+    assert "error" not in do_flight(bench.task, review, bench.store, Limits(600.0, 700))
+    assert ended == []
+    assert "h2nav-watch" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_memory_goes_back_to_the_system_before_the_next_flight(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arrays of a mebibyte have pages of their own (M_MMAP_THRESHOLD is -3 in malloc.h)."""
+    called: list[tuple] = []
+    library = SimpleNamespace(
+        mallopt=lambda *words: called.append(("mallopt", *words)),
+        malloc_trim=lambda *words: called.append(("malloc_trim", *words)),
+    )
+    monkeypatch.setattr(work, "ctypes", SimpleNamespace(CDLL=lambda _: library))
+    bench.do()
+    assert called == [("mallopt", -3, 1 << 20), ("malloc_trim", 0)]
