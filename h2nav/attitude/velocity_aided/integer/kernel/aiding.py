@@ -194,7 +194,7 @@ def predict_innovation(s: State, axis: I32) -> None:
         before = s.fix_predicted
         accel = s.accel_e
     row_lag = limited((s.dvelocity_lag[axis] >> 11) - accel, 32767)
-    by_lag = limited(product(s.gain_lag, row_lag), 1 << 26)
+    by_lag = limited(product(s.gain_lag, row_lag), 1 << 26) << 2  # Q26 to Q28
     places = clamp(33 - 2 * s.gain_scale - s.gain_fall, -12, 31)
     variance = limited(shifted(s.gain_variance, places), 1 << 28) + by_lag
     s.fix_predicted = clamp(before + variance, 0, (1 << 30) - 1)
