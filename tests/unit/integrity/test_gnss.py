@@ -136,3 +136,176 @@ def test_nothing_is_held_against_a_receiver_that_is_heard_no_more(shown, until_u
     for t_us, alarms in ((until_us - 1, 1), (until_us, 0)):
         verdict.forget_old(t_us)
         assert len(verdict.alarms()) == alarms
+
+
+# --- what is just enough, and just too little --------------------------------------------------
+
+SIGMA_M_S = 0.2
+
+
+def ended(speed_m_s=5.0, error_m_s=0.0, sigma_m_s=SIGMA_M_S, length_s=5.0, period_us=PERIOD_US):
+    """The alarms of a flight eastwards over the date line whose last velocity is false.
+
+    Args:
+        error_m_s: by which the position goes faster than the velocity says.
+    """
+    verdict, end_us = GnssVerdict(), 1_000_000 + round(1e6 * length_s)
+    for t_us in range(1_000_000, end_us + 1, period_us):
+        east_m = 1e-6 * (t_us - 1_000_000) * (speed_m_s + error_m_s)
+        longitude_deg = 179.9999 + east_m * DEG_PER_M / math.cos(math.radians(60.0))
+        fix = VelocityFix(t_us, (0.0, speed_m_s, math.nan), sigma_m_s)
+        wrapped_deg = (longitude_deg + 180.0) % 360.0 - 180.0
+        verdict.fix(fix, 60.0, wrapped_deg, is_false=t_us + period_us > end_us)
+    return verdict.alarms()
+
+
+@pytest.mark.parametrize(
+    ("how", "is_followed"),
+    [
+        ({}, True),
+        # within 3 m and a fifth of the way of 25 m
+        ({"error_m_s": 1.59}, True),
+        ({"error_m_s": 1.61}, False),
+        ({"error_m_s": -1.59}, True),
+        ({"error_m_s": -1.61}, False),
+        # a way of 3 m at least
+        ({"speed_m_s": 0.61}, True),
+        ({"speed_m_s": 0.59}, False),
+        # of a receiver that claims to be right
+        ({"sigma_m_s": 1.5}, True),
+        ({"sigma_m_s": 1.51}, False),
+        # over 2.5 s at least, between fixes that are no farther apart
+        ({"length_s": 2.6}, True),
+        ({"length_s": 2.4}, False),
+        ({"length_s": 4.8, "period_us": 2_400_000}, True),
+        ({"length_s": 5.0, "period_us": 2_500_000}, False),
+    ],
+)
+def test_a_position_follows_within_a_share_of_the_way(how, is_followed) -> None:
+    assert bool(ended(**how)) is is_followed
+
+
+def test_a_way_is_told_with_what_the_position_differs_by() -> None:
+    (alarm,) = ended(error_m_s=0.5)
+    assert (alarm.unit, alarm.text) == ("m", "GNSS may be spoofed")
+    assert alarm.size == pytest.approx(25.0)
+    assert alarm.evidence == (
+        "the velocity contradicts the force, and the position follows it: 25 m within 2.5 m, "
+        "at a stated accuracy of 0.2 m/s"
+    )
+
+
+@pytest.mark.parametrize(("jumped_s", "is_followed"), [(0.2, True), (0.4, False)])
+def test_a_position_is_compared_over_5_s(jumped_s, is_followed) -> None:
+    verdict = GnssVerdict()
+    for i in range(27):
+        t_s = 0.2 * i
+        jump_m = 100.0 if t_s > jumped_s - 0.1 else 0.0
+        fix = VelocityFix(1_000_000 + i * PERIOD_US, (5.0, 0.0, math.nan), SIGMA_M_S)
+        verdict.fix(fix, 47.0 + (5.0 * t_s + jump_m) * DEG_PER_M, 8.0, is_false=i == 26)
+    assert bool(verdict.alarms()) is is_followed
+
+
+def two(apart_m=0.0, apart_m_s=0.0, length_s=5.0, old_us=0):
+    """The alarms on two receivers that differ northwards, whose velocities are as uncertain."""
+    verdict = GnssVerdict()
+    for i in range(round(5.0 * length_s) + 1):
+        t_us = 2_000_000 + i * PERIOD_US
+        other = VelocityFix(t_us - old_us, (1.0 + apart_m_s, 0.0, math.nan), SIGMA_M_S)
+        verdict.other_fix(other, 47.0 + apart_m * DEG_PER_M, 8.0)
+        mine = VelocityFix(t_us, (1.0, 0.0, math.nan), SIGMA_M_S)
+        verdict.fix(mine, 47.0, 8.0, is_false=False)
+    return verdict.alarms()
+
+
+@pytest.mark.parametrize(
+    ("how", "is_told"),
+    [
+        ({"apart_m": 30.1}, True),
+        ({"apart_m": 29.9}, False),
+        # 3 m/s and three deviations of the difference
+        ({"apart_m_s": 3.86}, True),
+        ({"apart_m_s": 3.84}, False),
+        ({"apart_m": 60.0, "length_s": 4.8}, False),
+        ({"apart_m": 60.0, "old_us": 1_000_000}, True),
+        ({"apart_m": 60.0, "old_us": 1_000_001}, False),
+    ],
+)
+def test_receivers_differ_beyond_a_limit_for_5_s(how, is_told) -> None:
+    assert bool(two(**how)) is is_told
+
+
+def test_receivers_that_differ_are_told_by_how_much() -> None:
+    (alarm,) = two(60.0, 2.0)
+    assert (alarm.kind, alarm.unit, alarm.since_s) == (Kind.GNSS_SPOOFED, "m", 5.0)
+    assert alarm.size == pytest.approx(60.0)
+    assert alarm.text == "GPS receivers differ, undecided"
+    assert alarm.evidence == (
+        "their positions differ by 60 m and their velocities by 2.0 m/s; nothing shows which one "
+        "is wrong"
+    )
+
+
+@pytest.mark.parametrize(
+    ("state", "text", "said"),
+    [
+        (2, "GNSS may be jammed", "mitigated"),
+        (3, "GNSS is jammed", "detected"),
+        (4, "GNSS may be jammed", "state 4"),
+    ],
+)
+def test_what_a_receiver_says_is_told_with_its_number(state, text, said) -> None:
+    verdict = GnssVerdict()
+    verdict.state(1, SignalState(0, state, 0))
+    (alarm,) = verdict.alarms()
+    assert (alarm.text, alarm.size, alarm.unit) == (text, state, "")
+    assert alarm.evidence == f"receiver 1 says so itself: {said}"
+
+
+def test_of_several_receivers_one_that_is_sure_counts_for_10_s() -> None:
+    verdict = GnssVerdict()
+    for receiver, state in enumerate((2, 3, 7)):
+        verdict.state(1_000_000, SignalState(receiver, state, 2))
+    jammed, spoofed = verdict.alarms()
+    assert (jammed.kind, jammed.size, jammed.is_decided) == (Kind.GNSS_JAMMED, 3.0, True)
+    assert jammed.evidence == "receiver 2 says so itself: detected"
+    assert (spoofed.kind, spoofed.size, spoofed.is_decided) == (Kind.GNSS_SPOOFED, 2.0, False)
+    verdict.count(10_999_999, 9)
+    assert len(verdict.alarms()) == 2
+    verdict.count(11_000_000, 9)
+    assert verdict.alarms() == []
+
+
+@pytest.mark.parametrize("loses", [False, True])
+def test_raised_power_is_jamming_where_satellites_are_lost(loses) -> None:
+    verdict = GnssVerdict()
+    for t_s in range(31):
+        noise = 300.0 if t_s > 26 else 100.0
+        verdict.levels(t_s * 1_000_000, 0, SignalLevels(noise, 0.0, 0.0))
+        verdict.count(t_s * 1_000_000, 4 if loses and t_s > 27 else 12)
+    (alarm,) = verdict.alarms()
+    assert (alarm.kind, alarm.is_decided, alarm.size) == (
+        Kind.GNSS_JAMMED,
+        loses,
+        3.0 if loses else 2.0,
+    )
+    assert alarm.severity is (Severity.WARNING if loses else Severity.NOTICE)
+    assert alarm.text == ("GNSS is jammed" if loses else "GNSS may be jammed")
+    lost = "; satellites 12 -> 4" if loses else ""
+    assert alarm.evidence == f"the receiver measures noise 300 (usually 100){lost}"
+    assert alarm.since_s == pytest.approx(3.0)
+
+
+def test_a_time_that_jumped_is_told_with_its_receiver() -> None:
+    verdict = GnssVerdict()
+    for t_us in range(0, 50_000_001, PERIOD_US):
+        verdict.time(t_us, 1, 1e9 + 1e-6 * t_us - (90.0 if t_us > 40_000_000 else 0.0))
+    (alarm,) = verdict.alarms()
+    assert (alarm.kind, alarm.severity) == (Kind.GNSS_SPOOFED, Severity.NOTICE)
+    assert (alarm.size, alarm.unit) == (pytest.approx(90.0), "s")
+    assert alarm.evidence == (
+        "the time of receiver 2 jumped by -90 s against the autopilot's clock"
+    )
+    assert alarm.since_s == pytest.approx(9.8)
+    verdict.restart()
+    assert verdict.alarms() == []
