@@ -1,5 +1,7 @@
 """Pictures of the sensors: bias, vibration, throttle, rates and gaps, receivers."""
 
+from itertools import chain
+
 import numpy as np
 
 from h2nav.maths.units import DEG
@@ -15,7 +17,7 @@ MS = 1e-3
 def bias(flight: Flight, analysis: Analysis) -> Section:
     """Bias of each gyro; the first IMU at once, the others on demand."""
     columns = Columns(flight.context.duration_s, COARSE)
-    pictures: list[Picture] = []
+    of_imus: list[list[Picture]] = []
     for one in analysis.biases:
         limit = one.gyro_limit / DEG
         traces = tuple(
@@ -24,22 +26,22 @@ def bias(flight: Flight, analysis: Analysis) -> Section:
                 zip(("roll axis", "pitch axis", "yaw axis"), colours.NUMBERED[:3], strict=True)
             )
         )
-        pictures.append(
-            Lines(
-                f"Gyro bias, IMU {one.imu + 1}",
-                "What the gyro measures while nothing turns, as the filter has learnt it.",
-                "deg/s",
-                traces,
-                (PictureMark(limit, "data sheet"), PictureMark(-limit, "data sheet"))
-                if np.isfinite(limit)
-                else (),
-                digits=3,
-            )
+        picture = Lines(
+            f"Gyro bias, IMU {one.imu + 1}",
+            "What the gyro measures while nothing turns, as the filter has learnt it.",
+            "deg/s",
+            traces,
+            (PictureMark(limit, "data sheet"), PictureMark(-limit, "data sheet"))
+            if np.isfinite(limit)
+            else (),
+            digits=3,
         )
+        of_imus.append([picture])
         if len(one.force_t_s):
-            pictures.append(_force(columns, one.imu, one.force_t_s, one.force_norm))
-    first = tuple(pictures[:2])
-    return Section("bias", "Gyro and accelerometer bias", first, further=tuple(pictures[2:]))
+            of_imus[-1].append(_force(columns, one.imu, one.force_t_s, one.force_norm))
+    first = tuple(chain.from_iterable(of_imus[:1]))
+    further = tuple(chain.from_iterable(of_imus[1:]))
+    return Section("bias", "Gyro and accelerometer bias", first, further=further)
 
 
 def _force(columns: Columns, imu: int, t_s: np.ndarray, norm: np.ndarray) -> Lines:
@@ -89,7 +91,8 @@ def timing(flight: Flight, analysis: Analysis) -> Section:
     """Samples per second, gaps, lateness."""
     columns = Columns(flight.context.duration_s, COARSE)
     rates, gaps, late = [], [], []
-    for one in analysis.timings:
+    # Of few samples, or without times, nothing is known.
+    for one in (timed for timed in analysis.timings if len(timed.t_s)):
         label, colour = f"IMU {one.imu + 1}", colours.of(colours.NUMBERED, one.imu)
         rates.append(Trace(label, colour, columns.of(one.t_s, one.rate_hz)))
         gaps.append(Trace(label, colour, columns.of(one.t_s, one.longest_s / MS)))

@@ -10,6 +10,7 @@ from h2nav.maths.units import EARTH_RADIUS_M
 from h2nav.recordings.context import Array, GpsTrack
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.html import escape
+from h2nav.reviews.inertial import thinned
 from h2nav.reviews.pictures import colours
 from h2nav.reviews.pictures.columns import COARSE, Columns
 from h2nav.reviews.pictures.grounds import GroundContact, contacts
@@ -121,7 +122,7 @@ def _is_usable(gps: GpsTrack) -> np.ndarray:
 def _local(gps: GpsTrack) -> _Path:
     """At most `MAX_POINTS`, evenly spaced."""
     places = np.flatnonzero(_is_usable(gps))
-    places = places[:: max(1, len(places) // MAX_POINTS)]
+    places = places[thinned(len(places), MAX_POINTS)]
     latitude, longitude = (
         np.radians(gps.latitude_deg[places]),
         np.radians(gps.longitude_deg[places]),
@@ -228,8 +229,8 @@ def _moments(flight: Flight, findings: tuple[Finding, ...], path: _Path, view: _
 def _marked(path: _Path, view: _View, findings: tuple[Finding, ...]) -> list[str]:
     """Findings that do not concern the whole flight, below the track."""
     parts = []
-    label = [one for one in findings if one.severity <= Severity.WARNING][:MAX_FINDINGS]
-    for one in label:
+    told = [one for one in findings if one.severity <= Severity.WARNING][:MAX_FINDINGS]
+    for one in told:
         if one.to_s - one.from_s > 0.8 * (path.t_s[-1] - path.t_s[0]):
             continue
         first, last = np.searchsorted(path.t_s, (one.from_s, one.to_s))
@@ -276,7 +277,7 @@ def _described(path: _Path, view: _View, met: tuple[GroundContact, ...]) -> str:
     width, north = np.ptp(path.east_m), np.ptp(path.north_m)
     text = f"Map of the flight, {width:.0f} m from west to east, {north:.0f} m from south to north"
     if view.beyond:
-        text += f", {view.beyond} fixes beyond it"
+        text += f", {view.beyond} fix{'es' * (view.beyond > 1)} beyond it"
     told = ", ".join(f"{one.name} at {one.t_s:.0f} s" for one in met if _is_shown(path, one.t_s))
     return f"{text}; {told}" if told else text
 
