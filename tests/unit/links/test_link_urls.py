@@ -70,3 +70,25 @@ def test_refused_in_one_line_with_the_remedy(url: str) -> None:
 def test_any_text_is_read_or_refused(start: str, rest: str) -> None:
     with contextlib.suppress(BadInput):
         parse_link_url(start + rest)
+
+
+@pytest.mark.parametrize(
+    ("url", "is_good"),
+    [
+        ("udpin:0.0.0.0:65535", True),
+        ("udpout:10.0.0.1:1", True),
+        ("udpout:10.0.0.1:65536", False),
+        ("tcp:localhost:1", True),
+        ("tcp:localhost:65535", True),
+        ("/dev/ttyACM0,299", False),
+        ("/dev/ttyACM0,300", True),
+        ("/dev/ttyACM0,12000000", True),
+        ("/dev/ttyACM0,12000001", False),
+    ],
+)
+def test_ports_and_baud_rates_have_limits(url: str, is_good: bool) -> None:
+    if is_good:
+        parse_link_url(url)
+        return
+    with pytest.raises(BadInput, match=r"outside (1\.\.65535|300\.\.12000000)"):
+        parse_link_url(url)
