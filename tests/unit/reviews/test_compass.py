@@ -1,5 +1,8 @@
 """Compasses with known faults: what is told, how large, and that the advice undoes it."""
 
+import re
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from reviewed_flights import (
@@ -10,14 +13,15 @@ from reviewed_flights import (
     ideal,
     with_imu,
 )
+from scipy.spatial.transform import Rotation
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
-from h2nav.recordings.context import Array, Context, Series
+from h2nav.recordings.context import Array, Context, ImuTrack, Series, Span
 from h2nav.reviews.analysis import Analysis, analyse
 from h2nav.reviews.compass import compensation, detect_compass
-from h2nav.reviews.flight import Flight
-from h2nav.reviews.inertial import best_attitude
+from h2nav.reviews.flight import EarthFields, Flight
+from h2nav.reviews.inertial import attitudes, best_attitude
 
 IRON_UT = np.array([10.0, -8.0, 5.0])
 OFFSETS = {"COMPASS_OFS_X": 20.0, "COMPASS_OFS_Y": -30.0, "COMPASS_OFS_Z": 40.0}
@@ -253,3 +257,238 @@ def test_a_field_that_is_the_earths_but_for_its_direction_is_undecided(share, is
     found = analyse(flown._replace(findings=(blamed,))).judged
     assert ("a" in found) is is_noted
     assert not is_noted or found["a"].severity is Severity.NOTICE
+
+
+# --- each bound, on a vehicle that turns and leans in a known field -------------------------------
+
+NORM_UT, DIP_RAD, DECLINATION_RAD = 50.0, 60.0 * DEG, 4.0 * DEG
+EARTH = EarthFields(*np.array([[0.0], [NORM_UT], [DIP_RAD], [DECLINATION_RAD]]))
+EARTH_N = NORM_UT * np.array(
+    (
+        np.cos(DIP_RAD) * np.cos(DECLINATION_RAD),
+        np.cos(DIP_RAD) * np.sin(DECLINATION_RAD),
+        np.sin(DIP_RAD),
+    )
+)
+SECONDS = 80.0
+
+
+class Compass(NamedTuple):
+    """How a compass reads what, and how far our attitude is known."""
+
+    offset_ut: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scale: float = 1.0
+    soft: tuple[float, float] = (0.0, 0.0)  # what turns with twice the heading
+    motor_ut: tuple[float, float, float] = (0.0, 0.0, 0.0)  # per full throttle
+    throttle: tuple[float, float] = (0.3, 0.3)  # by turns of a second
+    step_ut: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    step_s: tuple[float, float] = (40.0, 40.0)  # its begin, and when it is complete
+    asked_more: float = 0.0  # of the throttle from the step on
+    turns_deg: float = 400.0  # over the whole flight
+    turned_deg: float = 0.0  # the measured field about the vertical, clockwise
+    rate_deg_s: float = 0.0  # that the gyro tells
+    seconds: float = SECONDS
+    sigma_tilt_deg: float = 1.0
+    sigma_heading_deg: float = 1.0
+    armed_s: tuple[float, float] = (0.0, SECONDS)
+    compass: int = 0
+    is_current: bool = False
+    is_raw: bool = False
+    parameters: dict[str, float] = {}  # noqa: RUF012 - never changed
+
+    def looked_at(self):
+        t_s = np.arange(0.0, self.seconds, 0.2)
+        middle_s = t_s + 0.1  # of the row that has this sample's field
+        turned = Rotation.from_euler("z", self.turned_deg, degrees=True)
+        true = self._attitude(middle_s).inv().apply(turned.apply(EARTH_N))
+        a, b = self.soft
+        mixed = np.array(((1.0 + a, b, 0.0), (b, 1.0 - a, 0.0), (0.0, 0.0, 1.0)))
+        throttle = np.where(t_s % 2.0 < 1.0, *self.throttle)
+        throttle += np.where(t_s > self.step_s[0], self.asked_more, 0.0)
+        begin_s, end_s = self.step_s
+        came = np.clip((t_s - begin_s) / max(end_s - begin_s, 1e-9), 0.0, 1.0)
+        m_b = self.scale * true @ np.linalg.inv(mixed) + self.offset_ut
+        m_b += np.outer(throttle, self.motor_ut) + np.outer(came, self.step_ut)
+        w_b = np.tile((0.0, 0.0, self.rate_deg_s * DEG), (len(t_s), 1))
+        stamps = np.round(t_s * 1e6).astype(np.int64)
+        track = ImuTrack(self.compass, "IMU", t_s, stamps, w_b, np.zeros(w_b.shape), m_b)
+        q_nb = np.roll(self._attitude(t_s).as_quat(), 1, axis=1)
+        best = attitudes(t_s, q_nb)._replace(
+            sigma_tilt_rad=np.full(len(t_s), self.sigma_tilt_deg * DEG),
+            sigma_heading_rad=np.full(len(t_s), self.sigma_heading_deg * DEG),
+        )
+        lever = "current_a" if self.is_current else "throttle"
+        context = Context(
+            armed=(Span(*self.armed_s, "armed"),), parameters=self.parameters,
+            **{lever: Series(middle_s, throttle)},
+        )  # fmt: skip
+        return detect_compass(track, best, EARTH, context, is_raw=self.is_raw)
+
+    def _attitude(self, t_s) -> Rotation:
+        angles = self.turns_deg / SECONDS * t_s, 15.0 * np.sin(0.9 * t_s), 20.0 * np.cos(0.7 * t_s)
+        return Rotation.from_euler("ZYX", np.column_stack(angles), degrees=True)
+
+    def told(self) -> list[tuple[str, str]]:
+        return [(one.kind, one.severity.word) for one in self.looked_at()[2]]
+
+
+IRON, STEP, MOTORS = "compass_hard_iron", "compass_step", "compass_motors"
+
+
+@pytest.mark.parametrize(
+    ("case", "told"),
+    [
+        # 10 deg of heading at worst: of the horizontal field's 25 uT, or of the whole field upward.
+        (Compass((4.1, 0.0, 0.0)), []),
+        (Compass((0.0, -4.7, 0.0)), [(IRON, "warning")]),
+        (Compass((0.0, 0.0, 8.4)), []),
+        (Compass((0.0, 0.0, 9.4)), [(IRON, "warning")]),
+        (Compass((6.0, 0.0, 0.0), is_raw=True), [(IRON, "info")]),
+        (Compass((8.0, 0.0, 0.0), armed_s=(0.0, 0.0)), [(IRON, "warning")]),
+        # Of sixteen directions five.
+        (Compass((8.0, 0.0, 0.0), turns_deg=89.0), []),
+        (Compass((8.0, 0.0, 0.0), turns_deg=112.0), [(IRON, "warning")]),
+        (Compass(scale=1.14), []),
+        (Compass(scale=1.17), [("compass_scale", "warning")]),
+        (Compass(scale=0.83), [("compass_scale", "warning")]),
+        (Compass(soft=(0.0, 0.16)), []),
+        (Compass(soft=(0.19, 0.0)), [("compass_soft_iron", "warning")]),
+        (Compass(soft=(-0.14, 0.14)), [("compass_soft_iron", "warning")]),
+        # 30 and 60 % of 50 uT at full throttle, where it changes by more than 0.15.
+        (Compass(motor_ut=(14.3, 0.0, 0.0), throttle=(0.2, 0.6)), []),
+        (Compass(motor_ut=(0.0, 15.7, 0.0), throttle=(0.2, 0.6)), [(MOTORS, "notice")]),
+        (Compass(motor_ut=(0.0, 0.0, 29.3), throttle=(0.2, 0.6)), [(MOTORS, "notice")]),
+        (Compass(motor_ut=(0.0, 0.0, 31.0), throttle=(0.2, 0.6)), [(MOTORS, "warning")]),
+        (Compass(motor_ut=(0.0, 0.0, 20.0), throttle=(0.15, 0.29)), []),
+        (Compass(motor_ut=(0.0, 0.0, 20.0), throttle=(0.15, 0.32)), [(MOTORS, "notice")]),
+        (Compass(motor_ut=(40.0, 0.0, 0.0), throttle=(0.2, 0.6), armed_s=(30.0, 80.0)),
+         [(MOTORS, "warning")]),
+        # 12 % of the field at once; more slowly, it is none.
+        (Compass(step_ut=(5.8, 0.0, 0.0)), []),
+        (Compass(step_ut=(0.0, 0.0, -6.2)), [(STEP, "warning")]),
+        (Compass(step_ut=(9.0, 0.0, 0.0), step_s=(39.8, 40.2)), [(STEP, "warning")]),
+        (Compass(step_ut=(0.0, 0.0, 9.0), step_s=(36.0, 44.0)), []),
+        # Near the time of arming, or with the throttle, it may be what it stood on.
+        (Compass(step_ut=(9.0, 0.0, 0.0), armed_s=(28.6, 80.0)), [(STEP, "notice")]),
+        (Compass(step_ut=(9.0, 0.0, 0.0), armed_s=(27.4, 80.0)), [(STEP, "warning")]),
+        (Compass(step_ut=(9.0, 0.0, 0.0), asked_more=0.16), [(STEP, "notice")]),
+        (Compass(step_ut=(9.0, 0.0, 0.0), asked_more=0.14), [(STEP, "warning")]),
+    ],
+)  # fmt: skip
+def test_what_is_told_of_a_compass(case, told):
+    assert case.told() == told
+
+
+@pytest.mark.parametrize(
+    ("too_little", "enough"),
+    [
+        (Compass(seconds=9.8), Compass(seconds=10.3)),
+        (Compass(rate_deg_s=91.0), Compass(rate_deg_s=-89.0)),
+        (Compass(sigma_tilt_deg=6.1), Compass(sigma_tilt_deg=5.9)),
+    ],
+)
+def test_what_shows_a_compass(too_little, enough):
+    assert too_little.looked_at() == (None, None, [])
+    field, fit, found = enough.looked_at()
+    assert (field is not None, fit is not None, found) == (True, True, [])
+
+
+def test_the_field_is_shown_with_its_error_of_heading():
+    field, fit, _ = Compass(turned_deg=3.0, compass=1, scale=1.1).looked_at()
+    assert (field.compass, fit.compass) == (1, 1)
+    assert field.norm_ut == pytest.approx(1.1 * NORM_UT, rel=2e-3)
+    assert field.dip_rad == pytest.approx(DIP_RAD, abs=0.5 * DEG)
+    assert np.median(field.heading_rad) == pytest.approx(3.0 * DEG, abs=0.1 * DEG)
+    assert set(field.model_norm_ut) == {NORM_UT}
+    assert set(field.model_dip_rad) == {DIP_RAD}
+    assert fit.heading_rad == pytest.approx((np.arange(16) + 0.5) * np.pi / 8.0)
+    assert fit.heading_error_rad == pytest.approx(np.full(16, 3.0 * DEG), abs=0.3 * DEG)
+    assert fit.scale == pytest.approx(1.1, abs=0.01)
+    assert fit.offset_b_ut == pytest.approx(np.zeros(3), abs=0.4)
+    # What is left of a scale of 1.1 and a turn by 3 deg about the vertical.
+    turned = Rotation.from_euler("z", 3.0, degrees=True)
+    left = np.linalg.norm(1.1 * turned.apply(EARTH_N) - EARTH_N)
+    assert fit.residual_ut == pytest.approx(np.full(16, left), rel=0.05)
+    after = np.linalg.norm(turned.apply(EARTH_N) - EARTH_N)
+    assert fit.fitted_ut == pytest.approx(np.full(16, after), abs=0.3)
+    assert np.isnan(fit.motor_b_ut).all()
+
+
+def test_motors_are_shown_by_throttle():
+    fit = Compass(motor_ut=(10.0, 0.0, -20.0), throttle=(0.2, 0.6)).looked_at()[1]
+    assert fit.motor_b_ut == pytest.approx((10.0, 0.0, -20.0), rel=0.02, abs=0.2)
+    assert fit.throttle == pytest.approx((np.arange(8) + 0.5) / 8.0)
+    assert np.flatnonzero(np.isfinite(fit.motor_ut)).tolist() == [1, 4]
+    # Of both halves of the flight, each is as far from the median of all as the other or less.
+    assert np.nansum(fit.motor_ut) == pytest.approx(0.4 * np.hypot(10.0, 20.0), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("case", "text", "evidence"),
+    [
+        (
+            Compass((6.0, 0.0, -3.0)),
+            "hard iron of 67 mG",
+            "(+60, +0, -30) mG forward, right, down: up to 14 deg of heading; add (-60, +0, +30) "
+            "to ArduPilot's COMPASS_OFS, or calibrate anew; by strength and dip alone, whatever "
+            "the heading was; the rest falls from ",
+        ),
+        (
+            Compass((6.0, 0.0, -3.0), compass=1,
+                    parameters={f"COMPASS_OFS2_{axis}": 100.0 for axis in "XYZ"}),
+            "hard iron of 67 mG",
+            "set COMPASS_OFS2_X 40, COMPASS_OFS2_Y 100, COMPASS_OFS2_Z 130;",
+        ),
+        (
+            Compass((6.0, 0.0, -3.0), parameters={f"CAL_MAG0_{axis}OFF": 0.1 for axis in "XYZ"}),
+            "hard iron of 67 mG",
+            "set CAL_MAG0_XOFF 0.160, CAL_MAG0_YOFF 0.100, CAL_MAG0_ZOFF 0.070;",
+        ),
+        (
+            Compass((6.0, 0.0, -3.0), parameters={
+                "CAL_MAG0_ROT": 4.0, **{f"CAL_MAG0_{axis}OFF": 0.1 for axis in "XYZ"}
+            }),
+            "hard iron of 67 mG",
+            "add (-60, +0, +30) to ArduPilot's",  # its axes are not the vehicle's
+        ),
+        (
+            Compass((6.0, 0.0, -3.0), is_raw=True),
+            "hard iron of 67 mG",
+            "; the message shows the field without the autopilot's calibration;",
+        ),
+        (
+            Compass(scale=1.2),
+            "field is +{:.0f}% against the earth's",
+            "the same in all headings; the rest falls from ",
+        ),
+        (
+            Compass(soft=(0.2, 0.0)),
+            "soft iron: {:.0f}% stronger one way than across",
+            "up to 11 deg of heading, twice in a full turn; the rest falls from ",
+        ),
+        (
+            Compass(step_ut=(9.0, 0.0, -3.0)),
+            "field of the vehicle itself changed by 95 mG",
+            "(+90, +0, -30) mG forward, right, down, fixed to the body: a magnet, a motor or a "
+            "wire near the compass",
+        ),
+        (
+            Compass(motor_ut=(0.0, 20.0, 0.0), throttle=(0.2, 0.6)),
+            "motors change the field by 200 mG",
+            "40% of the earth's field at full throttle; ArduPilot: COMPASS_MOTCT 1, COMPASS_MOT "
+            "(+0.0, -199.8, +0.0); 30% are usual, 60% too much",
+        ),
+        (
+            Compass(motor_ut=(0.0, 2.0, 0.0), throttle=(2.0, 10.0), is_current=True),
+            "motors change the field by 200 mG",
+            "40% of the earth's field at the largest current; ArduPilot: COMPASS_MOTCT 2,",
+        ),
+    ],
+)  # fmt: skip
+def test_how_a_compass_is_told(case, text, evidence):
+    (one,) = case.looked_at()[2]
+    assert one.text == text.format(one.size)
+    assert evidence in re.sub(r"-0(?=[,)]|\.0)", "+0", one.evidence)
+    assert one.source == f"compass {case.compass + 1}"
+    begin_s = 40.0 if one.kind == STEP else 0.0
+    assert (one.from_s, one.to_s) == pytest.approx((begin_s, SECONDS), abs=0.3)
