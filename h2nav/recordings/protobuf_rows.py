@@ -19,6 +19,7 @@ Rows = NDArray[np.void]
 WIRE_64, WIRE_LENGTH, WIRE_32 = 1, 2, 5
 NOT_A_NAME = re.compile(r"\W+", re.ASCII)
 ELEMENT = re.compile(r"(.+)\[\d+\]")
+UNDERSCORES = re.compile(r"_+(.?)")
 
 
 class _Form(NamedTuple):
@@ -157,13 +158,13 @@ def _field(
 
 
 def _name(column: str, taken: set[str]) -> str:
-    """A column's name in letters, digits and underscores, once."""
+    """A column's name in letters, digits and underscores, once; also as JSON, which has none."""
     name = NOT_A_NAME.sub("_", column).strip("_") or "field"
     if name[0].isdigit():
         name = f"_{name}"
-    while name in taken:
-        name += "_"
-    taken.add(name)
+    while (in_json := UNDERSCORES.sub(lambda found: found[1].upper(), name)) in taken:
+        name += "_2"
+    taken.add(in_json)
     return name
 
 
