@@ -5,7 +5,14 @@ import math
 import pytest
 from synthetic_imu import FIELD, FIELD_N
 
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust, VehicleState
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    ImuSample,
+    SensorErrors,
+    Trust,
+    VehicleState,
+    VelocityFix,
+)
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
 from h2nav.integrity.force_size import ForceError
 from h2nav.integrity.monitor import Monitor, Speeds
@@ -115,3 +122,84 @@ def test_a_clipped_sample_or_one_without_a_force_begins_anew():
         monitor.check(sample)
         monitor.add(sample, estimate(t_us + STEP_US))
         assert math.isnan(monitor.ratios.force_10s)
+
+
+# --- velocities ----------------------------------------------------------------------------------
+
+
+def driven(seconds=11.0, accel_m_s2=2.0, by_heading_deg=0.0, fix_us=200_000, **how):
+    """Accelerates north, by an attitude with a wrong heading; with fixes until the end."""
+    monitor = new()
+    q_nb = quaternion.from_euler(0.0, 0.0, by_heading_deg * DEG)
+    t_us = 0
+    for i in range(round(1e6 * seconds / STEP_US) + 1):
+        t_us, dither = i * STEP_US, 1e-4 * (-1) ** i
+        sample = ImuSample(t_us, (dither,) * 3, (accel_m_s2 + dither, dither, -GRAVITY_M_S2))
+        monitor.check(sample)
+        monitor.add(sample, estimate(t_us)._replace(q_nb=q_nb))
+        if t_us % fix_us == 0:
+            fix = VelocityFix(t_us, (1e-6 * accel_m_s2 * t_us, 0.0, 0.0), 0.1, **how)
+            assert monitor.corrected(fix).v_n == pytest.approx(fix.v_n)
+            monitor.fix(fix, SensorErrors((1e-8,) * 3))
+    return monitor, t_us
+
+
+def kinds(monitor, t_us):
+    return [alarm.kind for alarm in monitor.alarms(t_us)]
+
+
+def test_velocities_that_fit_have_small_ratios_of_all_lengths():
+    monitor, t_us = driven()
+    ratios = monitor.ratios
+    assert all(r < 0.2 for r in (ratios.velocity_1s, ratios.velocity_3s, ratios.velocity_10s))
+    assert math.isnan(ratios.force_10s), "a force is tested where no velocity is measured"
+    assert kinds(monitor, t_us) == []
+    assert not monitor.velocity_is_false
+    assert not monitor.may_be_bent
+    assert not monitor.attitude_is_lost
+
+
+@pytest.mark.parametrize(("accel_m_s2", "is_shown"), [(4.0, True), (0.5, False)])
+def test_a_heading_is_shown_by_an_acceleration_and_for_ten_seconds(accel_m_s2, is_shown):
+    monitor, t_us = driven(accel_m_s2=accel_m_s2)
+    assert monitor.heading_is_shown is is_shown
+    for later_s in (9.9, 10.1):
+        stood(monitor, 0.1, begin_us=t_us + round(1e6 * later_s) - 100_000)
+        assert monitor.heading_is_shown is (is_shown and later_s < 10.0)
+
+
+def test_velocities_that_contradict_an_attitude_are_told_and_show_no_heading():
+    monitor, t_us = driven(by_heading_deg=120.0)
+    assert monitor.ratios.velocity_3s > 1.0
+    assert Kind.ATTITUDE_VELOCITY in kinds(monitor, t_us)
+    assert not monitor.heading_is_shown
+    one = estimate(t_us)
+    assert monitor.opened(one).sigma_tilt_rad > 5.0 * DEG
+
+
+@pytest.mark.parametrize(("fix_us", "lost_us"), [(200_000, 3_000_000), (1_000_000, 4_000_000)])
+@pytest.mark.parametrize("independent", [True, False])
+def test_velocities_are_lost_after_three_seconds_and_four_periods(fix_us, lost_us, independent):
+    """The usual period is a mean, which has come near to that of the fixes after half a minute."""
+    monitor = new()
+    for i in range(31):
+        fix = VelocityFix(i * fix_us, (0.0, 0.0, 0.0), 0.1, independent)
+        monitor.fix(fix, SensorErrors((1e-8,) * 3))
+    last_us = 30 * fix_us
+    assert kinds(monitor, last_us + lost_us - 20_000) == []
+    (alarm,) = monitor.alarms(last_us + lost_us + 1)
+    assert (alarm.kind, alarm.size) == (Kind.VELOCITY_LOST, pytest.approx(1e-6 * lost_us))
+    assert ("autopilot" in alarm.text) is not independent
+
+
+def test_a_force_that_is_off_is_told_while_that_is_known():
+    monitor = new()
+    t_us = stood(monitor, 1.0)
+    monitor._force_size.found = ForceError(3.0, 0.3, False)
+    monitor._force_size._seen_us = t_us
+    assert kinds(monitor, t_us) == []
+    monitor.force_is_off = True
+    (alarm,) = monitor.alarms(t_us)
+    assert (alarm.kind, alarm.size) == (Kind.ACCELEROMETER_BIAS_STEP, 3.0)
+    monitor.use_other_excesses((9.0,))
+    assert kinds(monitor, t_us) == []
