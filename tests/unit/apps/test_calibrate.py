@@ -4,11 +4,12 @@ import json
 import math
 
 import pytest
+from one_command import main
 
 from h2nav.apps import reviewing
 from h2nav.calibration import vehicle
 from h2nav.calibration.outcome import Calibration, Outcome, ParameterChange
-from h2nav.cli import FAILED, SUCCESS, main
+from h2nav.cli import FAILED, SUCCESS
 from h2nav.recordings import opening
 
 TURNED = ParameterChange("AHRS_TRIM_X", math.nan, 0.0123456, 0.000125)

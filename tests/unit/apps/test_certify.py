@@ -5,9 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 from needs import REPOSITORY
+from one_command import main
 
 from h2nav.apps import extras
-from h2nav.cli import main
+from h2nav.files import gain_files
 from h2nav.synthesis import kinds
 
 GOOD = str(REPOSITORY / "gains" / "rover_100hz.yaml")
@@ -16,14 +17,16 @@ WORSE = str(REPOSITORY / "gains" / "rover_50hz.yaml")
 
 @pytest.fixture(autouse=True)
 def judged(monkeypatch):
-    """A solver would take seconds: every file is good but those of 50 Hz."""
+    """What is in a file is not looked at: every one is good but those of 50 Hz."""
     required = []
 
     def check(file, place):
         problems = ["unstable", "wide"] if "50hz" in place else []
         return SimpleNamespace(problems=problems, spectral_abscissa_per_s=-0.123456789, h2_norm=2.5)
 
+    read = gain_files.read
     monkeypatch.setattr(kinds, "check", check)
+    monkeypatch.setattr(gain_files, "read", lambda path: path if path.exists() else read(path))
     monkeypatch.setattr(extras, "require", lambda *words: required.append(words))
     return required
 
@@ -39,14 +42,12 @@ def judged(monkeypatch):
     ],
 )
 def test_the_status_is_of_the_worst_file(files, status, capsys):
-    assert main(["certify", *files]) == status
     assert main(["certify", *files, "--json"]) == status
-    told = capsys.readouterr().out.splitlines()
-    assert json.loads(told[-1])["ok"] is (status == 0)
+    assert json.loads(capsys.readouterr().out)["ok"] is (status == 0)
 
 
 def test_every_problem_is_a_line(judged, capsys):
-    main(["certify", GOOD, WORSE, "no_such_name"])
+    assert main(["certify", GOOD, WORSE, "no_such_name"]) == 2
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == (
         f"{GOOD}: certified: spectral abscissa -0.123457 1/s, H2 norm 2.5"

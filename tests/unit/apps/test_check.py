@@ -4,10 +4,11 @@ import json
 from types import SimpleNamespace
 
 import pytest
+from one_command import main
 
 from h2nav.apps import check
 from h2nav.apps.check import verdict_of
-from h2nav.cli import BAD_INPUT, FAILED, INTERRUPTED, SUCCESS, main
+from h2nav.cli import BAD_INPUT, FAILED, INTERRUPTED, SUCCESS
 from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item
 
 TILTED = GroundFault(Item.TILT, "autopilot", 12.34, "deg", 5.0)

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 from needs import REPOSITORY
+from one_command import main
 
 from h2nav.apps import live_view
 from h2nav.apps.check_config import SCHEMA, checked, example, is_example
-from h2nav.cli import BAD_INPUT, SUCCESS, main
+from h2nav.cli import BAD_INPUT, SUCCESS
 from h2nav.errors import BadInput
 from h2nav.files.signing_keys import write_signing_key
 

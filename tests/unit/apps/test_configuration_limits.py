@@ -324,11 +324,11 @@ def test_without_a_class_there_is_a_file_for_each():
 
 
 def test_a_file_is_read_once_for_check_and_flight_and_the_class_may_be_set():
-    loaded = []
+    file, loaded = gain_files.load("multirotor_100hz"), []
 
     def load(name):
         loaded.append(name)
-        return gain_files.load("multirotor_100hz")
+        return file
 
     names = {"multirotor": "a", "rover": "b", "handheld": "a"}
     factory = FilterFactory(FilterSettings(vehicle_class="rover"), names, load)

@@ -8,9 +8,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from one_command import main
 
 from h2nav.apps import demo
-from h2nav.cli import BAD_INPUT, FAILED, INTERRUPTED, SUCCESS, main
+from h2nav.cli import BAD_INPUT, FAILED, INTERRUPTED, SUCCESS
 from h2nav.recordings.reference import ErrorTable
 from h2nav.service.records import HealthRecord
 from h2nav.sim.orders import KEYS

@@ -4,9 +4,10 @@ import json
 
 import pytest
 import yaml
+from one_command import main
 
 from h2nav.apps import evaluate_campaign, extras
-from h2nav.cli import BAD_INPUT, SUCCESS, main
+from h2nav.cli import BAD_INPUT, SUCCESS
 from h2nav.evaluation.campaign.draw import as_text, read_draw
 from h2nav.fleet import program
 

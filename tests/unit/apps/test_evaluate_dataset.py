@@ -4,9 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
+from one_command import main
 
 from h2nav.apps import evaluate_dataset, extras
-from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
+from h2nav.cli import BAD_INPUT, FAILED, SUCCESS
 from h2nav.evaluation.dataset.peers import installed
 from h2nav.evaluation.dataset.scores import TrialScore
 from h2nav.maths.attitude_errors import Rms

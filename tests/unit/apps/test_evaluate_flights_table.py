@@ -3,9 +3,10 @@
 import json
 
 import pytest
+from one_command import main
 
 from h2nav.apps import evaluate_flights, extras
-from h2nav.cli import BAD_INPUT, SUCCESS, main
+from h2nav.cli import BAD_INPUT, SUCCESS
 from h2nav.evaluation.flights.scores import FlightScore
 
 

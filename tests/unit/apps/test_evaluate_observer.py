@@ -3,9 +3,10 @@
 import json
 
 import pytest
+from one_command import main
 
 from h2nav.apps import evaluate_observer, extras
-from h2nav.cli import SUCCESS, main
+from h2nav.cli import SUCCESS
 from h2nav.evaluation.observer import pictures
 
 DOCUMENT = {

@@ -5,9 +5,10 @@ import os
 import socket
 
 import pytest
+from one_command import main
 
 from h2nav.apps import fake_autopilot
-from h2nav.cli import BAD_INPUT, INTERRUPTED, SUCCESS, main
+from h2nav.cli import BAD_INPUT, INTERRUPTED, SUCCESS
 from h2nav.files.signing_keys import write_signing_key
 from h2nav.sim.calibrations import SOUND
 from h2nav.sim.imu_model import MPU_9250

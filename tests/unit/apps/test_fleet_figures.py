@@ -6,10 +6,11 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
+from one_command import main
 
 from h2nav.apps import extras
 from h2nav.apps.fleet import row_of
-from h2nav.cli import SUCCESS, main
+from h2nav.cli import SUCCESS
 from h2nav.fleet import program, running, sources
 from h2nav.fleet.running import TaskOutcome
 from h2nav.fleet.tables import TableRow
