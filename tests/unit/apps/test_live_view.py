@@ -1,7 +1,11 @@
 """When a viewer is started, lost, started again and given up; time is what the test says."""
 
 import dataclasses
+import os
+import socket
 import subprocess
+import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -251,3 +255,89 @@ def test_an_address_that_others_reach_is_warned_of():
     assert warned("") == warned("127.0.0.1:8080") == warned("[::1]:8080") == []
     ((line),) = warned("0.0.0.0:8080")
     assert line.startswith("live.address: 0.0.0.0:8080 shows")
+
+
+def test_a_viewer_is_a_module_that_hears_the_feed_and_says_nothing(monkeypatch):
+    started = []
+    monkeypatch.setattr(live_view, "start_module", lambda *a, **k: started.append((a, k)) or "it")
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        assert live_view.start_viewer(theirs) == "it"
+        nowhere = subprocess.DEVNULL
+        streams = {"stdin": theirs.fileno(), "stdout": nowhere, "stderr": nowhere}
+        assert started == [(("h2nav.live",), streams)]
+
+
+def test_without_its_packages_there_is_no_view(monkeypatch):
+    asked = []
+
+    def missing(*words):
+        asked.append(words)
+        raise BadInput("live.address: needs the extra live")
+
+    monkeypatch.setattr(extras, "require_installed", missing)
+    with pytest.raises(BadInput, match="needs the extra live"):
+        LiveView(dataclasses.replace(Configuration(), live=LIVE))
+    assert asked == [("live", "live.address", "foxglove", "prometheus_client", "tornado")]
+
+
+def test_the_greeting_has_the_record_of_flights_its_token_and_the_largest_upload(
+    monkeypatch, tmp_path
+):
+    sections = {
+        "log": {"folder": "/logs"},
+        "flights": {"upload_mb": 3, "token_file": str(tmp_path / "token")},
+    }
+    made = build({"live": {"address": "127.0.0.1:80"}, **sections}, "x")
+    beside = Beside(monkeypatch)
+    beside.view.close()
+    beside.view = LiveView(made)
+    beside.run(0.1)
+    greeting = beside.viewer.reader.greeting()
+    assert greeting[4:] == ("/logs", (tmp_path / "token").read_text().strip(), 3 << 20)
+    beside.view.close()
+
+
+def test_it_is_looked_after_ten_times_a_second(beside):
+    beside.run(0.1)
+    looks = []
+    beside.view.feed.words = lambda: looks.append(1) or ()
+    for later_ns in (LOOK_NS - 1, LOOK_NS, 2 * LOOK_NS - 1, 2 * LOOK_NS):
+        beside.view.tend(beside.t_ns + later_ns, 0, beside.service)
+    assert len(looks) == 2
+
+
+@pytest.mark.parametrize(("refused", "is_lost"), [(150, False), (151, True)])
+def test_half_a_minute_of_packets_that_are_not_read_is_too_much(
+    beside, monkeypatch, refused, is_lost
+):
+    beside.run(0.1)
+    monkeypatch.setattr(beside.view.feed, "refused", refused)
+    said = beside.view.tend(beside.t_ns + LOOK_NS, 0, beside.service)
+    assert [one.text for one in said] == (
+        ["live view lost: it has stopped reading; it is started again"] if is_lost else []
+    )
+
+
+def test_what_the_daemon_needs_is_shown(beside):
+    beside.view.feed.want_all(True)
+    packets, dropped, wants_all, cpu_s, memory_bytes = beside.view._record()
+    assert (packets, dropped, wants_all) == (beside.view.feed.packets, 0, True)
+    assert 0.0 < cpu_s <= time.process_time()
+    status = Path("/proc/self/status").read_text()
+    resident_kib = int(status.partition("VmRSS:")[2].split()[0])
+    assert memory_bytes == pytest.approx(resident_kib * 1024, rel=0.1)
+
+
+def test_a_view_that_cannot_be_started_leaves_no_socket_open(beside, monkeypatch):
+    def refuse(_end):
+        raise OSError("odd")
+
+    monkeypatch.setattr(live_view, "start_viewer", refuse)
+    before = len(os.listdir("/proc/self/fd"))
+    (said,) = beside.view.tend(beside.t_ns, 0, beside.service)
+    assert said == (
+        Severity.WARNING, "live view cannot be started: odd; tried again later",
+        "live view not started",
+    )  # fmt: skip
+    assert len(os.listdir("/proc/self/fd")) == before

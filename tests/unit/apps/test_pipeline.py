@@ -6,7 +6,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_frames import FrameMaker, raw_imu
 
-from h2nav.apps.pipeline import Junk, Outlets, Pipeline, PlayedFrames
+from h2nav.apps.link_signing import Sorted
+from h2nav.apps.pipeline import Junk, Outlets, Pipeline, PlayedFrames, deliver
 from h2nav.attitude.samples import AttitudeEstimate, ImuSample, Trust
 from h2nav.integrity.findings import Finding, Kind, Phase, Sensor, SensorKind, Severity
 from h2nav.links.link_statistics import LinkStatistics
@@ -537,3 +538,84 @@ def test_a_message_is_sent_as_the_vehicle_it_is_bound_to():
 def test_a_replay_sends_nothing():
     bench = Bench("send").carried_out(Send(raw_imu(1), 1))
     assert bench.recorder.named("sent") == []
+
+
+# --- a signed link ----------------------------------------------------------------------------
+
+
+class FakeSigning:
+    """Admits the frames of system 1; turns the others away with a notice."""
+
+    signer = None
+
+    def sort(self, t_ns, arrived):
+        admitted = [frame for frame in arrived if frame.sysid == 1]
+        refused = [frame for frame in arrived if frame.sysid != 1]
+        received, kept = (b"".join(each.raw for each in some) for some in (admitted, refused))
+        notices = [Notice(Severity.WARNING, "refused")] * len(refused)
+        return Sorted(admitted, received, kept, notices)
+
+    def notices(self):
+        return [Notice(Severity.ERROR, "the stamp is not stored")]
+
+    def record(self):
+        return ("counters",)
+
+    def would_answer(self, frame):
+        return frame.sysid == 1
+
+    def turned_away(self, t_ns, frame):
+        return [Notice(Severity.WARNING, f"turned away {frame.sysid}")]
+
+
+def signed(*without):
+    bench = Bench(*without)
+    outlets = Outlets(lambda t_ns: t_ns + MOVED_NS, None, bench.recorder, bench.watcher)
+    bench.pipeline = Pipeline(bench.service, 191, outlets, FakeSigning())
+    return bench
+
+
+def test_of_a_signed_link_only_admitted_frames_are_read_and_the_others_kept_apart():
+    bench, ours, theirs = signed(), frames(raw_imu(1)), FrameMaker(2).frame(raw_imu(2))
+    bench.pipeline.received(T_NS, b"junk" + theirs + ours, T_NS + 5)
+    assert bench.recorder.named("raw") == [("autopilot", T_NS + MOVED_NS, ours)]
+    assert bench.recorder.named("refused") == [("autopilot", T_NS + MOVED_NS, theirs)]
+    ((envelope, _),) = bench.service.named("message")
+    assert envelope == Envelope(T_NS, T_NS + 5, (1, 1), RAW_IMU)
+    assert bench.watcher.named("notice") == [(T_NS, Severity.WARNING, "refused")]
+    bench.pipeline.received(T_NS, ours)
+    assert len(bench.recorder.named("refused")) == 1
+    signed("recorder").pipeline.received(T_NS, theirs + ours)
+
+
+def test_the_counters_and_troubles_of_signing_are_reported():
+    bench = signed()
+    bench.pipeline.report(T_NS, LinkStatistics())
+    topics = [call[0] for call in bench.recorder.named("record")]
+    assert topics == ["/signing", "/link", "/deframer", "/recorder"]
+    assert bench.recorder.named("record")[0][1] == ("counters",)
+    assert bench.watcher.named("notice") == [(T_NS, Severity.ERROR, "the stamp is not stored")]
+
+
+def test_a_stranger_on_a_signed_link_is_turned_away_and_told_of():
+    bench = signed()
+    bench.service.speaks = lambda envelope, message: True
+    bench.pipeline.tick(T_NS)
+    assert not bench.pipeline.comes_from_vehicle(FrameMaker(2).frame(raw_imu(1)))
+    assert bench.watcher.named("notice") == [(T_NS, Severity.WARNING, "turned away 2")]
+    data = FrameMaker(2).frame(raw_imu(1)) + frames(raw_imu(2))
+    assert bench.pipeline.comes_from_vehicle(data)
+
+
+def test_what_a_recording_makes_the_service_do_is_carried_out():
+    bench = Bench()
+    bench.service.effects = [Notice(Severity.INFO, "heard")]
+    played(bench, frames(raw_imu(1)))
+    assert bench.watcher.named("notice") == [(T_NS, Severity.INFO, "heard")]
+
+
+def test_a_message_that_is_not_read_has_no_effects():
+    bench = Bench()
+    bench.service.reads = False
+    (frame,) = Deframer().feed(frames(raw_imu(1)))
+    assert deliver(bench.service, frame, T_NS, T_NS) == []

@@ -1,5 +1,6 @@
 """In which order a recording reaches the pipelines: arrivals, timers, silence; and its inputs."""
 
+import argparse
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,8 +10,17 @@ from wire_frames import FrameMaker, raw_imu
 
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.log_contents import RecordedInputs
-from h2nav.apps.playback import Playback, PlaybackOptions, date_of, fusing_gps, inputs_for
+from h2nav.apps.playback import (
+    Playback,
+    PlaybackOptions,
+    add_arguments,
+    date_of,
+    fusing_gps,
+    inputs_for,
+    options,
+)
 from h2nav.errors import BadInput
+from h2nav.files import gain_files
 from h2nav.recordings.imported import ImportedLog
 from h2nav.wire.arrivals import gathered
 from h2nav.wire.readers import Envelope
@@ -198,7 +208,9 @@ def test_the_end_of_an_imported_log_is_told_though_it_is_not_due():
     playback = Playback(Imported(0, 20), whole_frames=False)
     assert list(playback.through(Noted())) == [0, 20 * MS]
     assert playback.span_ns == 20 * MS
-    assert list(Playback(Imported(), whole_frames=False).through(Noted())) == []
+    empty = Playback(Imported(), whole_frames=False)
+    assert list(empty.through(Noted())) == []
+    assert empty.span_ns == 0
 
 
 # --- the inputs ---------------------------------------------------------------------------------
@@ -222,7 +234,7 @@ def test_the_date_is_that_of_the_run_or_else_of_the_recording(unix_start_ns, rec
 
 
 @pytest.mark.parametrize(
-    ("options", "name", "arithmetic", "vehicle_class", "gps_velocity"),
+    ("changes", "name", "arithmetic", "vehicle_class", "gps_velocity"),
     [
         (PlaybackOptions(), "default", "float", "auto", True),
         (PlaybackOptions(vehicle_class="rover"), "default", "float", "rover", True),
@@ -231,8 +243,8 @@ def test_the_date_is_that_of_the_run_or_else_of_the_recording(unix_start_ns, rec
         (PlaybackOptions(filter_name="constant_gain"), "constant_gain", "fixed", "auto", True),
     ],
 )
-def test_the_user_changes_what_he_names(options, name, arithmetic, vehicle_class, gps_velocity):
-    inputs = inputs_for(FOREIGN, options)
+def test_the_user_changes_what_is_named(changes, name, arithmetic, vehicle_class, gps_velocity):
+    inputs = inputs_for(FOREIGN, changes)
     found = inputs.configuration
     assert (found.filter.name, found.filter.arithmetic) == (name, arithmetic)
     assert (found.filter.vehicle_class, found.aiding.gps_velocity) == (vehicle_class, gps_velocity)
@@ -255,3 +267,95 @@ def test_the_gps_is_fused_or_not_and_nothing_else_changes(is_wanted):
     found = fusing_gps(Configuration(), is_wanted)
     assert found.aiding.gps_velocity is is_wanted
     assert fusing_gps(found, Configuration().aiding.gps_velocity) == Configuration()
+
+
+def test_the_command_line_says_what_is_changed():
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    assert options(parser.parse_args([])) == PlaybackOptions()
+    words = ["-c", "a.yaml", "--filter", "constant_gain", "--class", "rover"]
+    found = options(parser.parse_args(words))
+    assert found == PlaybackOptions(Path("a.yaml"), "constant_gain", "rover")
+    assert options(parser.parse_args(["--config", "a.yaml"])).config == Path("a.yaml")
+
+
+FILTER = b"filter: {name: constant_gain, arithmetic: fixed}\n"  # which needs one gain file
+
+
+def of_ours(configuration=FILTER, **gains):
+    """A log of h2nav."""
+    files = {"configuration.yaml": configuration}
+    files |= {f"gains/{name}": content for name, content in gains.items()}
+    return SimpleNamespace(
+        path=Path("log.mcap"),
+        unix_start_ns=0,
+        attachments={name: SimpleNamespace(data=data) for name, data in files.items()},
+        metadata={"h2nav": {"unix_s": "5.5"}},
+    )
+
+
+SHIPPED = {"mpu9250_100hz": gain_files.find("mpu9250_100hz").read_bytes()}
+
+
+def test_a_log_of_ours_is_played_with_its_own_configuration_gains_and_date():
+    inputs = inputs_for(
+        of_ours(FILTER + b"aiding: {gps_velocity: false}", **SHIPPED), PlaybackOptions()
+    )
+    assert inputs.configuration.aiding.gps_velocity is False
+    assert (inputs.is_original, inputs.unix_s, inputs.whole_frames) == (True, 5.5, False)
+    assert set(inputs.filters.gain_texts()) == set(SHIPPED)
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_original"),
+    [
+        (PlaybackOptions(gps_velocity=True), True),  # as it was
+        (PlaybackOptions(gps_velocity=False), False),
+        (PlaybackOptions(vehicle_class="rover"), False),
+    ],
+)
+def test_what_differs_from_the_run_is_no_longer_the_original(changes, is_original):
+    inputs = inputs_for(of_ours(**SHIPPED), changes)
+    assert (inputs.is_original, inputs.unix_s) == (is_original, 5.5)
+
+
+def test_gains_that_a_log_lacks_are_named_before_anything_is_played():
+    with pytest.raises(BadInput, match=r"the log does not hold this gain file; replay with --con"):
+        inputs_for(of_ours(), PlaybackOptions())
+    assert not inputs_for(of_ours(), PlaybackOptions(gps_velocity=False)).is_original
+
+
+def test_the_frames_of_a_signed_link_were_admitted_whole():
+    signing = FILTER + b"signing: {key_file: /k, state_file: /s}"
+    for changes in PlaybackOptions(), PlaybackOptions(gps_velocity=False):
+        assert inputs_for(of_ours(signing, **SHIPPED), changes).whole_frames is True
+
+
+@pytest.mark.parametrize("name", ["two_stage"])
+def test_a_filter_that_no_longer_exists_is_remarked_unless_the_user_names_one(
+    tmp_path, capsys, name
+):
+    log = of_ours(b"filter: {name: %s}" % name.encode(), **SHIPPED)
+    assert not inputs_for(log, PlaybackOptions()).is_original
+    said = capsys.readouterr().err
+    assert said.startswith(f"log.mcap: recorded with the filter {name}, which no longer exists")
+    config = tmp_path / "config.yaml"
+    config.write_text("aiding: {gps_velocity: false}")
+    own = inputs_for(log, PlaybackOptions(config=config))
+    assert (own.is_original, own.configuration.aiding.gps_velocity) == (False, False)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_configuration_that_cannot_be_used_counts_unless_the_user_gives_one(tmp_path):
+    log = of_ours(b"link: [")
+    with pytest.raises(BadInput, match=r"log\.mcap: configuration\.yaml: not YAML"):
+        inputs_for(log, PlaybackOptions())
+    config = tmp_path / "config.yaml"
+    config.write_text("")
+    assert inputs_for(log, PlaybackOptions(config=config)).configuration == Configuration()
+
+
+def test_an_imported_log_has_no_inputs_of_ours():
+    log = Imported()
+    log.unix_start_ns = 3 * S
+    assert inputs_for(log, PlaybackOptions()).unix_s == 3.0

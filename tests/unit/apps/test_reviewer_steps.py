@@ -334,3 +334,18 @@ def test_a_limit_that_the_system_refuses_ends_nothing(monkeypatch):
     monkeypatch.setattr(reviewer, "yield_to_others", lambda *_: None)
     monkeypatch.setattr(reviewer, "run_when_idle", lambda: None)
     reviewer._bound(ReviewJob("r", "v", 200, 5))
+
+
+def test_a_flight_that_has_changed_since_its_review_is_kept_until_the_next_one(bench):
+    bench.add("new.tlog")
+    bench.add("old.tlog", 20.0)
+    for _ in range(2):
+        bench.run()
+    bench.add("old.tlog", 20.0, size=11)
+    bench.add("other.tlog", 1.0)
+    bench.run(most_days=5)
+    assert bench.reviewed[-1] == "other.tlog"
+    assert (bench.folder.root / "old.tlog").exists()
+    bench.run(most_days=5)
+    assert bench.reviewed[-1] == "old.tlog"
+    assert not (bench.folder.root / "old.tlog").exists()
