@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import pytest
@@ -20,6 +21,7 @@ from pymavlink import mavutil
 from replayed import rewritten
 from wire_frames import FrameMaker
 
+from h2nav.apps import log_decode, log_export, log_info, log_recover
 from h2nav.cli import main
 from h2nav.errors import BadInput
 from h2nav.integrity.severity import Severity
@@ -680,7 +682,7 @@ SURVEY = LogSurvey(
         ({"damaged_records": 2, "lost_bytes": 7}, ["2 damaged places, 7 bytes lost"]),
         (
             {"states": [StateSpan("active", "", n, n + 1.0) for n in range(40)]},
-            [f"state: {n}.0 to {n + 1}.0 s active" for n in range(40)],
+            [f"state: {n}.0 to {n + 1}.0 s active" for n in range(log_info.MAX_LISTED)],
         ),
         (
             {"states": [StateSpan("active", "", n, n + 1.0) for n in range(42)]},
@@ -815,7 +817,8 @@ def test_export_to_channels_tells_each_and_takes_no_topic(
     for left_out, more in (0, []), (3, ["3 messages of further channels left out"]):
         result = log_mcap.McapResult(Path(out), {"/a": 2, "/b": 1}, left_out)
         monkeypatch.setattr(log_mcap, "export_mcap", lambda *_, found=result: found)
-        assert main(words) == 0
+        asked = SimpleNamespace(log=log, output=Path(out), topic=[], to="mcap", json=False)
+        assert log_export.run(asked) == 0
         lines = ["/a: 2 messages", "/b: 1 messages", *more, out]
         assert capsys.readouterr().out.splitlines() == lines
 
@@ -854,7 +857,11 @@ def test_recover_names_its_output_after_the_log(
 @pytest.mark.parametrize(
     ("found", "status", "said"),
     [
-        (Recovery(5, 1, 0, 0, 0, True), 0, "5 messages, 1 attachments; nothing was lost"),
+        (
+            Recovery(5, 1, 0, 0, 0, True),
+            log_recover.NOTHING_LOST,
+            "5 messages, 1 attachments; nothing was lost",
+        ),
         (
             Recovery(5, 1, 2, 30, 0, True),
             3,
@@ -905,12 +912,13 @@ def test_decode_tells_what_it_added_and_what_was_lost(
 ) -> None:
     result = decoding.DecodeResult({"/autopilot/A": 3, "/autopilot/B": 1}, copied)
     monkeypatch.setattr(decoding, "decode_log", lambda *_: result)
-    words = ["log", "decode", "in.mcap", "-o", "out.mcap"]
-    assert main(words) == 0
+    asked = SimpleNamespace(log=Path("in.mcap"), output=Path("out.mcap"), json=False)
+    assert log_decode.run(asked) == 0
     lines = ["/autopilot/A: 3 messages", "/autopilot/B: 1 messages", "out.mcap: 5 messages"]
     told = capsys.readouterr()
     assert (told.out.splitlines(), told.err) == (lines, lost)
-    assert main([*words, "--json"]) == 0
+    asked.json = True
+    assert log_decode.run(asked) == 0
     assert json.loads(capsys.readouterr().out) == {
         "output": "out.mcap", "decoded": result.decoded, "copied": copied._asdict(),
     }  # fmt: skip

@@ -4,12 +4,15 @@ import json
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from h2nav.apps import replay
 from h2nav.attitude.samples import AttitudeEstimate, Trust
 from h2nav.integrity.severity import Severity
 from h2nav.maths import quaternion
+from h2nav.recordings.reference import TimedEstimates
+from h2nav.recordings.smoothed import smoothed_record
 from h2nav.service.records import estimate_record
 
 LEVEL, ZERO = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -172,6 +175,38 @@ def test_without_a_log_of_before_nothing_is_compared():
     watcher = replay._Watcher(None)
     watcher.estimate(1000, estimate(1), 0)
     assert (watcher.compares, watcher.recorded_by, watcher.compared) == (False, "", 0)
+
+
+def test_smoothed_estimates_are_kept_and_logged_at_their_arrivals(monkeypatch):
+    found, logged = [estimate(7), estimate(8, 0.1)], []
+    batches = [(np.array([1000 + n]), SimpleNamespace(estimates=lambda e=e: [e]))
+               for n, e in enumerate(found)]  # fmt: skip
+    asked = []
+
+    def smoothed(*words):
+        asked.append(words)
+        return batches
+
+    monkeypatch.setattr(replay, "smoothed", smoothed)
+    monkeypatch.setattr(TimedEstimates, "add", lambda self, *added: logged.append(added))
+    recorder = SimpleNamespace(record=lambda *record: logged.append(record))
+    filters = SimpleNamespace(filter_for="maker")
+    for kept in recorder, None:
+        logged.clear()
+        replay._smooth("listener", filters, kept, 5)
+        records = [(1_000_000 + 1000 * n, each) for n, each in enumerate(found)]
+        assert [each for each in logged if len(each) == 2] == records
+        channel = [("/smoothed", smoothed_record(each), t_ns + 5) for t_ns, each in records]
+        written = [each for each in logged if len(each) == 3]
+        assert repr(written) == repr([] if kept is None else channel)  # some are NaN
+    assert asked == [("listener", "maker")] * 2
+
+
+def test_messages_of_an_imported_log_are_references():
+    watcher, seen = watching(), []
+    watcher.reference = SimpleNamespace(message=seen.append)
+    watcher.message(1, "attitude")
+    assert seen == ["attitude"]
 
 
 def test_notices_go_to_the_user(capsys):

@@ -1,13 +1,15 @@
 """Which recordings are found behind the addresses that people type."""
 
+import re
 import zipfile
 from pathlib import Path
+from typing import ClassVar
 
 import fsspec
 import pytest
 
 from h2nav.errors import BadInput
-from h2nav.fleet.sources import find
+from h2nav.fleet.sources import FlightSource, find
 
 
 @pytest.fixture
@@ -81,3 +83,99 @@ def test_what_leads_to_nothing_is_named(
         find([address, str(folder)])
     (line,) = caught.value.lines
     assert line.startswith(f"{address}: ")
+
+
+def test_a_key_is_32_digits_and_takes_names_of_any_bytes() -> None:
+    source = FlightSource("/logs/flight-\udcff.tlog", 5, "1")
+    assert re.fullmatch(r"[0-9a-f]{32}", source.key("work"))
+    others = [source._replace(address="/a"), source._replace(size=6), source._replace(stamp="2")]
+    assert len({each.key("work") for each in (source, *others)}) == 4
+
+
+class Files(fsspec.AbstractFileSystem):
+    """A store of one file that says of it what a test wants."""
+
+    protocol = "h2navtest"
+    about: ClassVar[dict[str, object]] = {}
+
+    def exists(self, path, **_):
+        return bool(self.info(path))  # other stores tell of errors too
+
+    def info(self, path, **_):
+        if path.endswith("denied"):
+            raise PermissionError(13, "Permission denied")
+        if path.endswith("odd"):
+            raise RuntimeError("no  such\nbucket")
+        if path.endswith("silent"):
+            raise ValueError
+        if not path.endswith("a.bin"):
+            raise FileNotFoundError(path)
+        return {"name": path, "type": "file", **self.about}
+
+
+@pytest.fixture
+def files(monkeypatch: pytest.MonkeyPatch) -> type[Files]:
+    fsspec.register_implementation("h2navtest", Files, clobber=True)
+    return Files
+
+
+@pytest.mark.parametrize(
+    ("about", "size", "stamp"),
+    [
+        ({}, 0, ""),
+        ({"size": None}, 0, ""),
+        ({"size": 7, "mtime": 5.5}, 7, "5.5"),
+        ({"mtime": 5.5, "ETag": "x"}, 0, "x"),
+        ({"ETag": None, "modified": 0}, 0, "0"),
+        ({"modified": 2, "CRC": 1}, 0, "1"),
+    ],
+)
+def test_the_version_of_a_file_is_its_tag_or_else_its_time(
+    files: type[Files], monkeypatch: pytest.MonkeyPatch, about: dict, size: int, stamp: str
+) -> None:
+    monkeypatch.setattr(files, "about", about)
+    files.clear_instance_cache()
+    (found,) = find(["h2navtest://a.bin"])
+    assert (found.address, found.size, found.stamp) == ("h2navtest://a.bin", size, stamp)
+
+
+def test_each_address_that_leads_nowhere_has_a_line_with_its_reason(
+    files: type[Files], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    typed = ["none.tlog", "empty", "h2navtest://denied", "h2navtest://odd", "h2navtest://silent"]
+    with pytest.raises(BadInput) as caught:
+        find(typed)
+    assert caught.value.lines == (
+        "none.tlog: no such file or folder; expected recordings",
+        "empty: no recordings (.tlog .bin .log .ulg .mcap .mcap.active .bytes) in it; name files "
+        "or a folder",
+        "h2navtest://denied: Permission denied; expected a recording or a folder",
+        "h2navtest://odd: RuntimeError: no such bucket",
+        "h2navtest://silent: ValueError; expected a recording or a folder",
+    )
+
+
+@pytest.mark.parametrize(
+    ("address", "name", "is_local"),
+    [
+        ("/logs/a.bin", "a.bin", True),
+        ("s3://bucket/a.bin", "a.bin", False),
+        ("zip://day/a.bin::/logs/x.zip", "a.bin", False),
+        ("zip::/logs/x.zip", "zip", False),
+        ("s3://bucket/folder/", "folder", False),
+    ],
+)
+def test_the_name_is_that_of_the_file(address: str, name: str, is_local: bool) -> None:
+    source = FlightSource(address, 0, "")
+    assert (source.name, source.is_local) == (name, is_local)
+
+
+def test_a_folder_of_a_name_like_a_recording_is_none(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").mkdir()
+    (tmp_path / "a.bin" / "b.BIN").write_bytes(b"1")
+    (found,) = find([f"{tmp_path}/*.bin/*", f"{tmp_path}/a*/b*"])
+    assert found.name == "b.BIN"
+    with pytest.raises(BadInput, match="no recordings"):
+        find([f"{tmp_path}/*.bin"])
