@@ -10,14 +10,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.apps.configuration import Configuration
 from h2nav.apps.filters import FilterFactory
 from h2nav.attitude.samples import (
+    AttitudeEstimate,
     EarthField,
     SensorDelays,
+    SensorErrors,
     Trust,
     VehicleState,
     VelocityFix,
 )
 from h2nav.integrity.findings import Kind
 from h2nav.integrity.sensor_pairs import InertialSensor
+from h2nav.integrity.velocity_witness import NO_DOUBT
 from h2nav.recordings.listener import Listener
 from h2nav.service import estimation
 from h2nav.service.autopilot import Identity
@@ -570,3 +573,83 @@ def test_tilts_that_differ_by_more_than_they_allow_open_their_deviations(monkeyp
     flight.run(40.0)
     assert flight.outcomes[-1].estimate.sigma_tilt_rad < 2.0 * usual_rad
     assert flight.estimation.doubt.tilts_apart_rad == 0.0
+
+
+class Level:
+    """A filter that finds a level attitude at rest in every sample; it keeps the forces."""
+
+    name = "level"
+    sensor_errors = SensorErrors((0.0, 0.0, 0.0))
+
+    def __init__(self):
+        self.forces = []
+
+    def update(self, sample):
+        self.forces.append(sample.f_b)
+        zero, trust = (0.0, 0.0, 0.0), Trust.ALIGNED | Trust.REST
+        q_nb = (1.0, 0.0, 0.0, 0.0)
+        return AttitudeEstimate(sample.t_us, q_nb, zero, zero, zero, 0.01, trust, 0.02)
+
+    def __getattr__(self, _name):
+        return lambda *_: None
+
+
+def unbound():
+    """An estimation before an autopilot is known, and the filter that it will have."""
+    chosen = Level()
+    report = Notices(as_status_text=False).report
+    return Estimation(lambda _: chosen, AutopilotSettings(lanes=1), BeforeArming(report)), chosen
+
+
+def test_before_an_autopilot_is_known_nothing_is():
+    found, _ = unbound()
+    assert (found.imu_message, found.newest_t_us, found.heard_t_us) == (None, None, None)
+    assert (found.has_estimate, found.is_independent, found.velocity_is_false) == (
+        False,
+        True,
+        False,
+    )
+    assert found.doubt == NO_DOUBT
+    assert found.error_by_compass_rad is None
+    assert math.isnan(found.ratios.velocity_1s)
+    assert (found.alarms(), found.lane_records(), found.objections(0)) == ([], [], ())
+    assert found.why_no_samples(0) is None
+    assert list(found.lost_imus(lambda _: True)) == list(found.useless_streams()) == []
+    assert (found.rejected, found.used) == ({}, 0)
+
+
+@pytest.mark.parametrize("knows_first", [True, False])
+def test_the_local_gravity_reaches_every_lane(knows_first):
+    found, chosen = unbound()
+    copter = Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR)
+    if knows_first:
+        found.use_gravity(9.78)
+    found.begin(copter)
+    if not knows_first:
+        found.use_gravity(9.78)
+    found.use(VehicleState(on_ground=True))
+    for number in range(25):
+        t_ns, noise = number * 500_000_000, 1e-3 * (number % 7)
+        assert found.on_arrival(t_ns, RAW)
+        reading = ImuReading(
+            START_US + t_ns // 1000, (noise, 0.0, 0.0), (noise, 0.0, -10.0), None, False
+        )
+        found.take(t_ns, RAW, reading)
+    # Most of the excess is a bias, and taken off.
+    assert chosen.forces[0][2] == -10.0
+    assert chosen.forces[-1][2] == pytest.approx(-10.0 + 0.93 * 0.22, abs=0.01)
+    assert found.used == 25
+
+
+@pytest.mark.parametrize("is_later", [True, False])
+def test_times_that_are_sent_only_increase(is_later):
+    found, _ = unbound()
+    found.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
+    reading = ImuReading(START_US, (1e-3, 0.0, 0.0), (0.0, 0.0, -9.8), None, False)
+    found.on_arrival(0, RAW)
+    assert found.take(0, RAW, reading).sample.t_us == START_US
+    found.on_arrival(10_000_000, RAW)
+    second = reading._replace(time=START_US + 10_000 * is_later, w_b=(2e-3, 0.0, 0.0))
+    assert (found.take(10_000_000, RAW, second).sample is not None) is is_later
+    assert found.used == 1 + is_later
+    assert found.rejected == ({} if is_later else {"duplicate": 1})

@@ -18,6 +18,7 @@ from h2nav.attitude.samples import (
     VelocityFix,
 )
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.monitor import Speeds
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import Use
 from h2nav.integrity.sensor_pairs import InertialSensor
@@ -27,7 +28,7 @@ from h2nav.service import lane as lane_module
 from h2nav.service.autopilot import Identity
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.intake import Incoming, Need
-from h2nav.service.lane import Lane
+from h2nav.service.lane import NO_STEP, NOT_ITS_OWN, Lane
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.trust import REFUSALS
@@ -660,3 +661,148 @@ def test_the_filter_takes_a_sample_of_an_uneven_step_as_even_and_the_rate_is_its
     given = bench.filter.named("update")[-1]
     assert (given.w_b[0] < 1.0) is is_uneven
     assert step.sample.w_b[0] == step.filtered.w_b[0] == 1.1
+
+
+# --- what a lane is -----------------------------------------------------------------------------
+
+
+def test_a_zero_that_has_moved_is_kept_when_it_begins_as_another(monkeypatch):
+    own, other = Bench(monkeypatch), Bench(monkeypatch)
+    for one in (own, other):
+        one.run()
+    own.judged()
+    own.lane.use_moved_zero((0.25, 0.0, 0.0))
+    own.lane.begin_as(other.lane)
+    step = own.take()
+    assert own.filter.named("update")[-1].w_b == pytest.approx((RATE[0] - 0.25, *RATE[1:]))
+    assert step.filtered.bias_b == pytest.approx((0.25, 0.0, 0.0))
+
+
+def test_a_reading_of_another_imu_is_not_its_own(monkeypatch):
+    monkeypatch.setattr(lane_module, "Monitor", FakeMonitor)
+    highres = IDS_BY_NAME["HIGHRES_IMU"]
+    identity = Identity(1, 1, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR)
+    lane = Lane(
+        LaneMessages(1, (SCALED2, highres)), FakeFilter(), identity, AutopilotSettings(), print
+    )
+    reading = ImuReading(20_000_000, RATE, DOWN, FIELD, False, imu=2)
+    assert lane.take(Incoming(0, highres, reading), Need.SAMPLE) is NOT_ITS_OWN
+    assert lane.take(Incoming(0, highres, reading), Need.FIELD) is NO_STEP
+    assert lane.take(Incoming(0, highres, reading._replace(imu=1)), Need.SAMPLE).sample is not None
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "usual_m_s"),
+    [
+        (mavlink.MAV_TYPE_FIXED_WING, 30.0),
+        (mavlink.MAV_TYPE_QUADROTOR, 15.0),
+        (mavlink.MAV_TYPE_GROUND_ROVER, 15.0),
+    ],
+)
+def test_how_fast_a_vehicle_usually_is(monkeypatch, vehicle, usual_m_s):
+    made = []
+    monkeypatch.setattr(lane_module, "Monitor", lambda *parts: made.append(parts) or FakeMonitor())
+    identity = Identity(1, 1, mavlink.MAV_AUTOPILOT_PX4, vehicle)
+    Lane(LaneMessages(1, (SCALED2,)), FakeFilter(), identity, AutopilotSettings(), print)
+    assert made == [(IMU_2, Speeds(usual_m_s))]
+
+
+def test_the_message_asked_for_stands_for_one_that_has_not_come(bench):
+    assert bench.lane.stream_id == SCALED2
+    assert (bench.lane.imu, bench.lane.sensor) == (1, IMU_2)
+    assert math.isnan(bench.lane.sigma_tilt_rad)
+    assert bench.lane.estimate is None
+    bench.run()
+    assert bench.lane.stream_id == SCALED2
+    assert bench.lane.sigma_tilt_rad == 0.01
+    assert bench.lane.estimate.t_us == bench.lane.newest.t_us
+
+
+@pytest.mark.parametrize(
+    ("later_ns", "is_silent", "is_missing"),
+    [
+        (200_000_000, False, False),
+        (200_000_001, True, False),
+        (2_000_000_000, True, False),
+        (2_000_000_001, True, True),
+    ],
+)
+def test_it_is_silent_after_a_fifth_of_a_second_and_missing_after_two(
+    bench, later_ns, is_silent, is_missing
+):
+    assert not bench.lane.is_missing(0)
+    bench.run()
+    t_ns = bench.t_ns + later_ns
+    assert bench.lane.is_silent(t_ns) is is_silent
+    assert bench.lane.is_missing(t_ns) is is_missing
+    bench.lane.resume(t_ns)
+    assert not bench.lane.is_silent(t_ns)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "sent_hz", "may_follow"),
+    [(50.0, 100.0, True), (49.9, 100.0, False), (25.0, 50.0, True), (50.0, 400.0, True)],
+)
+def test_half_of_the_samples_are_enough(bench, rate_hz, sent_hz, may_follow):
+    bench.run()
+    bench.lane.rate_hz = rate_hz
+    sent = SimpleNamespace(rate_hz=sent_hz, is_silent=lambda _: False, is_left=False)
+    found = bench.lane.condition(bench.t_ns, sent, is_reported=False)
+    assert found.may_follow is may_follow
+    assert found.sigma_rad == pytest.approx(math.hypot(0.01, 0.02))
+    sent.is_silent = lambda _: True
+    assert bench.lane.condition(bench.t_ns, sent, is_reported=False).may_follow
+
+
+def test_its_rate_is_that_of_the_last_second(bench):
+    bench.run(100)
+    bench.judged(SECOND_NS)
+    assert bench.lane.rate_hz == 100.0
+    bench.run(30)
+    bench.judged(2 * SECOND_NS - 1)
+    assert bench.lane.rate_hz == 100.0
+    bench.judged(2 * SECOND_NS)
+    assert bench.lane.rate_hz == 30.0
+
+
+@pytest.mark.parametrize(
+    ("frozen", "wrong", "may"), [(False, False, True), (True, False, False), (False, True, False)]
+)
+def test_a_sound_compass_may_be_lent(bench, frozen, wrong, may):
+    assert not bench.lane.may_lend(bench.t_ns)
+    bench.run()
+    bench.monitor.field_is_frozen, bench.lane.compass_is_wrong = frozen, wrong
+    assert bench.lane.may_lend(bench.t_ns) is may
+
+
+@pytest.mark.parametrize(("ratio", "learns"), [(0.49, True), (0.5, False), (math.inf, False)])
+def test_a_bias_is_learnt_while_the_tests_are_calm(monkeypatch, ratio, learns):
+    own, other = Bench(monkeypatch), Bench(monkeypatch)
+    for one in (own, other):
+        one.run()
+    own.monitor.ratios = InnovationRatios(velocity_1s=ratio)
+    own.judged()
+    own.lane.use_moved_zero((0.25, 0.0, 0.0))  # of what was learnt, if anything was
+    own.lane.begin_as(other.lane)
+    assert (own.take().filtered.bias_b[0] == 0.25) is learns
+
+
+def test_an_attitude_that_is_lost_restarts_the_lane(bench):
+    bench.run()
+    assert not bench.judged().is_lost
+    bench.monitor.attitude_is_lost = True
+    assert bench.judged().is_lost
+    assert bench.lane.trust.needs_restart
+    assert not bench.lane.may_be_right(bench.t_ns)
+
+
+def test_a_lane_may_be_right_unless_something_is_known_against_it(bench):
+    assert not bench.lane.may_be_right(0)
+    bench.run()
+    assert bench.lane.may_be_right(bench.t_ns)
+    assert not bench.lane.may_be_right(bench.t_ns + 200_000_001)
+    bench.lane.use_votes(Verdict(wrong=frozenset({GYRO})))
+    assert not bench.lane.may_be_right(bench.t_ns)
+    bench.lane.use_votes(Verdict())
+    bench.monitor.sensor_is_bad = True
+    assert not bench.judged().may_be_right(bench.t_ns)

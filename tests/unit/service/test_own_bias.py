@@ -2,7 +2,13 @@
 
 import pytest
 
-from h2nav.attitude.samples import AttitudeEstimate, ImuSample, SensorCorrection, Trust
+from h2nav.attitude.samples import (
+    AttitudeEstimate,
+    ImuSample,
+    SensorCorrection,
+    SensorErrors,
+    Trust,
+)
 from h2nav.maths.units import SECOND_NS
 from h2nav.service.own_bias import BIAS_NS, OwnBias
 
@@ -121,3 +127,52 @@ def test_a_sample_without_a_force_stays_without():
     own.rest((0.0, 0.0, 0.5))
     missing = SAMPLE._replace(f_b=(0.0, 0.0, 0.0))
     assert own.felt(missing) == missing
+
+
+@pytest.mark.parametrize(("known_b", "differs"), [(BIAS, False), ((0.01, -0.02, 0.04), True)])
+def test_rates_are_corrected_only_where_the_biases_differ(known_b, differs):
+    own = OwnBias()
+    own.correct(correction((1.0, 0.0, 0.0)))
+    own.learn(0, known_b)
+    own.take_over(OwnBias(), BIAS)
+    assert own.differs is differs
+
+
+def test_a_zero_that_has_moved_is_that_of_the_bias_that_is_kept():
+    own = OwnBias()
+    own.learn(0, (0.1, 0.2, 0.3))
+    own.learn(SECOND_NS, (0.1, 0.2, 0.3))
+    own.shift((0.5, -0.5, 0.25))
+    own.take_over(OwnBias(), (0.0, 0.0, 0.0))
+    found = own.update(FilterThatKnows((0.0, 0.0, 0.0)), SAMPLE)
+    assert found.bias_b == pytest.approx((0.6, -0.3, 0.55))
+
+
+@pytest.mark.parametrize(("is_outvoted", "kept"), [(False, 0.4), (True, 0.1)])
+def test_a_rate_that_was_found_is_kept_unless_others_will_tell_when_it_ends(is_outvoted, kept):
+    own = OwnBias()
+    own.learn(0, (0.1, 0.0, 0.0))
+    own.correct(correction((0.3, 0.0, 0.0)), is_outvoted=is_outvoted)
+    own.take_over(OwnBias(), (0.0, 0.0, 0.0))
+    found = own.update(FilterThatKnows((0.0, 0.0, 0.0)), SAMPLE)
+    assert found.bias_b[0] == pytest.approx(kept)
+
+
+def test_errors_are_those_of_the_filter_and_what_it_does_not_hold():
+    own, of_filter = OwnBias(), SensorErrors((9.0,) * 3, (0.1, 0.2, 0.3))
+    assert own.errors(of_filter) == of_filter
+    own.rest((0.0, 0.0, 0.5))
+    own.correct(correction(force_b=(2.0, -1.0, 0.0)))
+    assert own.found_b == (2.0, -1.0, 0.0)
+    assert own.pushes
+    assert own.errors(of_filter).force_bias_b == pytest.approx((2.1, -0.8, 0.8))
+
+
+@pytest.mark.parametrize(("last_s", "kept"), [(5.999, 0.1), (6.0, 0.2), (20.0, 0.2)])
+def test_a_bias_is_used_once_it_is_five_seconds_old(last_s, kept):
+    own = OwnBias()
+    for at_s, bias in ((0.0, 0.1), (1.0, 0.2), (last_s, 0.3)):
+        own.learn(round(at_s * SECOND_NS), (bias, 0.0, 0.0))
+    own.take_over(OwnBias(), (0.0, 0.0, 0.0))
+    found = own.update(FilterThatKnows((0.0, 0.0, 0.0)), SAMPLE)
+    assert found.bias_b[0] == pytest.approx(kept)
