@@ -201,3 +201,23 @@ def test_a_server_that_has_ended_is_noticed(server):
             server.show("/imu", T_NS, IMU)
 
     asyncio.run(check())
+
+
+def test_a_server_that_is_closed_does_not_listen(server):
+    async def check():
+        client = await connected(server)
+        client.close()
+        server.close()
+        with pytest.raises(ConnectionError):
+            await asyncio.open_connection("127.0.0.1", server.port)
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize(("unix_ns", "is_shown"), [(-1, 0), (0, 1), (2**64 - 1, 1), (2**64, 0)])
+def test_only_times_that_a_message_can_have_are_shown(server, monkeypatch, unix_ns, is_shown):
+    shown = []
+    monkeypatch.setattr(server, "_has_readers", lambda _topic: True)
+    monkeypatch.setattr(server, "_log", lambda *message: shown.append(message))
+    server.show("/imu", unix_ns, IMU)
+    assert len(shown) == is_shown

@@ -107,3 +107,38 @@ def test_nothing_grows_without_bound(state):
     assert state.texts[-1].text == "line 999"
     assert len(list(state.all_of("/rejected"))) == live_state.MAX_CURRENT
     assert state.findings_begun == 1000
+
+
+@pytest.mark.parametrize(("later_s", "rate"), [(0.799, None), (0.8, 62.5), (2.0, 25.0)])
+def test_a_rate_is_that_of_records_almost_a_second_apart(state, later_s, rate):
+    state.take("/health", UNIX_NS, health(estimates_sent=1000))
+    later_ns = round(later_s * SECOND_NS)
+    state.take("/health", UNIX_NS + later_ns, health(estimates_sent=1050))
+    found = state.per_s("/health", "estimates_sent")
+    assert found == (None if rate is None else pytest.approx(rate))
+
+
+def test_a_clock_that_was_set_back_gives_no_rate(state):
+    state.take("/health", UNIX_NS, health(estimates_sent=1000))
+    state.take("/health", UNIX_NS - SECOND_NS, health(estimates_sent=1050))
+    assert state.per_s("/health", "estimates_sent") is None
+    state.take("/health", UNIX_NS, health(estimates_sent=1100))
+    assert state.per_s("/health", "estimates_sent") == pytest.approx(50.0)
+
+
+def test_fifty_findings_and_lines_and_256_records_are_kept(state):
+    for number in range(300):
+        state.take("/finding", UNIX_NS, finding(id=f"vibration.imu1.{number}"))
+        state.take("/rejected", UNIX_NS, RejectionRecord(f"reason {number}", 1))
+        state.text(UNIX_NS, Severity.INFO, f"line {number}")
+    state.take("/rejected", UNIX_NS, RejectionRecord("reason 0", 7))  # what is known goes on
+    kept = [seen.record for seen in state.all_of("/rejected")]
+    assert (len(state.findings), len(state.texts), len(kept)) == (50, 50, 256)
+    assert kept[0].total == 7
+    assert state.findings[0].finding.id == "vibration.imu1.250"
+
+
+def test_what_is_wrong_is_told_line_by_line(state):
+    assert (state.alarms, state.preflight) == ((), ())
+    state.take("/status", UNIX_NS, status(alarms="one\ntwo", preflight="three"))
+    assert (state.alarms, state.preflight) == (("one", "two"), ("three",))

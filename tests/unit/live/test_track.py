@@ -60,3 +60,22 @@ def test_it_forgets(track):
     assert track.carried(newest_ns - kept_ns, conjugate(ours(0))) is None
     track.add(newest_ns + live_track.LENGTH_NS + 1, ours(0))
     assert track.carried(newest_ns, ours(newest_ns)) is None
+
+
+def test_attitudes_of_the_last_two_seconds_are_remembered():
+    track, level = LiveTrack(), from_euler(0.0, 0.0, 0.0)
+    track.add(0, level)
+    for t_ns in range(STEP_NS, 2_000_000_001, STEP_NS):
+        track.add(t_ns, level)
+    assert track.carried(0, level) is not None
+    track.add(2_000_000_001, level)
+    assert track.carried(0, level) is None
+    assert track.carried(STEP_NS, level) is not None
+
+
+@pytest.mark.parametrize(("gap_ns", "is_known"), [(300_000_000, True), (300_000_001, False)])
+def test_a_gap_of_three_tenths_of_a_second_is_bridged(gap_ns, is_known):
+    track, level = LiveTrack(), from_euler(0.0, 0.0, 0.0)
+    track.add(0, level)
+    track.add(gap_ns, level)
+    assert (track.carried(1, level) is not None) is is_known
