@@ -85,7 +85,7 @@ class Case(NamedTuple):
     usual_m_s: float = 0.0  # rms of its error at other times
     size: float = 0.0  # of the finding
     unit: str = "m/s"
-    fix_every_s: float = 0.2
+    fix_every_s: float = 0.4
     lag_s: float = 0.0
     from_s: float = 15.0
 

@@ -5,7 +5,7 @@ import pytest
 from reviewed_flights import flight, with_imu
 
 from h2nav.integrity.findings import Finding, Severity
-from h2nav.recordings.context import AttitudeTrack, Context, ImuTrack, Motors, Span
+from h2nav.recordings.context import AttitudeTrack, Context, GpsTrack, ImuTrack, Motors, Span
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.flight import Flight
 from h2nav.reviews.timing import detect_pauses, detect_slow_log, detect_timing, pauses, stamps_s
@@ -203,7 +203,7 @@ def test_nothing_is_logged_in_a_pause():
         context = Context(
             imus=(made(imu_s), made([])),
             attitudes=(AttitudeTrack("EKF3", np.array(attitude_s), np.zeros((0, 4))),),
-            gps=(flight().context.gps[0]._replace(t_s=np.array(gps_s)),),
+            gps=(GpsTrack(0, np.array(gps_s), *[np.zeros(0)] * 7),),
         )
         return pauses(context)
 
