@@ -184,3 +184,91 @@ def test_a_page_is_written_over_by_its_own_flight_alone(flight, tmp_path):
     assert len(list(tmp_path.glob("*.json"))) == 2
     (tmp_path / f"{flight.stem}.json").write_text("{ no document")
     assert page_names([other], tmp_path) == [flight.stem]
+
+
+def made(count, severity="warning"):
+    """A document with so many findings."""
+    finding = {"severity": severity, "from_s": 1.04, "to_s": 2.0, "source": "IMU 1", "text": "bad"}
+    return {"findings": [finding] * count, "duration_s": 3.6, "verdict": "Shaken."}
+
+
+@pytest.mark.parametrize(
+    ("count", "head", "tail"),
+    [
+        (0, "4 s, no findings", []),
+        (1, "4 s, 1 finding", []),
+        (2, "4 s, 2 findings", []),
+        (20, "4 s, 20 findings", []),
+        (21, "4 s, 21 findings", ["  and 1 more"]),
+    ],
+)
+def test_a_review_is_told_with_its_first_findings(monkeypatch, tmp_path, capsys, count, head, tail):
+    monkeypatch.setattr(reviewing, "write_review", lambda *_, **__: made(count))
+    assert main(["review", "x/flight.tlog", "-o", str(tmp_path)]) == SUCCESS
+    assert capsys.readouterr().out.splitlines() == [
+        f"{tmp_path}/flight.html: {head}",
+        "  Shaken.",
+        *["  warning: 1.0 to 2.0 s: IMU 1: bad"] * min(count, 20),
+        *tail,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "smooths", "earlier"),
+    [((), True, 0), (("--no-smooth",), False, 0), (("--earlier", "OLD"), True, 1)],
+)
+def test_a_review_smooths_calibrates_and_knows_earlier_flights(
+    monkeypatch, tmp_path, words, smooths, earlier
+):
+    old, asked = tmp_path / "old", []
+    old.mkdir()
+    (old / "a.json").write_text(
+        json.dumps(
+            {
+                "name": "a", "airframe": {"id": "uid:1"}, "start_utc": "2026-01-01T00:00:00Z",
+                "features": {},
+                "flown": {"flown_s": 1.0, "distance_m": 1.0, "landings": 1, "hard_landings": 0},
+            }
+        )
+    )  # fmt: skip
+
+    def write(path, folder, name, options, *, smooths, progress):
+        asked.append((path, folder, name, options, smooths))
+        return made(0)
+
+    monkeypatch.setattr(reviewing, "write_review", write)
+    words = [str(old) if word == "OLD" else word for word in words]
+    out = tmp_path / "out"
+    assert main(["review", "x.tlog", "--class", "rover", "-o", str(out), *words]) == SUCCESS
+    ((path, folder, name, options, is_smoothed),) = asked
+    assert (path, folder, name, is_smoothed) == (Path("x.tlog"), out, "x", smooths)
+    assert (options.calibrates, options.vehicle_class) == (smooths, "rover")
+    assert len(options.earlier) == earlier
+
+
+def test_a_page_that_cannot_be_written_ends_it_and_a_folder_too(monkeypatch, tmp_path, capsys):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(reviewing, "write_review", full)
+    assert main(["review", "x.tlog", "-o", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"h2nav: {tmp_path}: No space left on device\n"
+    (tmp_path / "file").touch()
+    assert main(["review", "x.tlog", "-o", str(tmp_path / "file" / "out")]) == BAD_INPUT
+    said = f"{tmp_path}/file/out: Not a directory; name a folder that can be written with -o"
+    assert capsys.readouterr().err == f"h2nav: {said}\n"
+
+
+def test_the_folder_of_earlier_reviews_stays_where_nothing_could_be_reviewed(tmp_path):
+    out = tmp_path / "out"
+    assert main(["review", str(tmp_path / "none.bin"), "-o", str(out)]) == BAD_INPUT
+    assert not out.exists()
+    out.mkdir()
+    (out / "old.json").touch()
+    assert main(["review", str(tmp_path / "none.bin"), "-o", str(out)]) == BAD_INPUT
+    assert (out / "old.json").exists()
+
+
+def test_the_schema_of_the_documents_is_printed_instead(capsys):
+    assert main(["review", "--schema"]) == SUCCESS
+    assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")

@@ -1,17 +1,22 @@
 """`h2nav serve`: when it reviews, and what it says of it."""
 
 import asyncio
+import os
+import signal
 import threading
 import webbrowser
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from needs import need_package
 
 from h2nav.apps import serve
 from h2nav.apps.browser import open_page
 from h2nav.apps.review_process import ReviewOutcome
-from h2nav.cli import BAD_INPUT, main
+from h2nav.apps.reviewer import ReviewJob
+from h2nav.cli import BAD_INPUT, FAILED, SUCCESS, main
+from h2nav.flights.folder import FlightFolder
 
 FULL = ReviewOutcome(trouble="the disk is full")
 REVIEWED = ReviewOutcome("one", "one.tlog", text="flight sound")
@@ -125,3 +130,160 @@ def test_a_browser_that_stays_in_the_terminal_is_not_waited_for(
     open_page("http://127.0.0.1:8080/flights")
     assert began.wait(30.0)
     left.set()
+
+
+@pytest.mark.parametrize("priority", ["idle", "normal"])
+def test_a_review_is_told_folders_and_limits(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, priority: str
+) -> None:
+    jobs = []
+
+    class Stopped(Exception):
+        pass
+
+    def process(job: ReviewJob) -> None:
+        jobs.append(job)
+        raise Stopped
+
+    monkeypatch.setattr(serve, "ReviewProcess", process)
+    (tmp_path / "link").symlink_to(tmp_path)
+    folder = SimpleNamespace(root=tmp_path / "link", reviews=tmp_path / "link" / "reviews")
+    args = SimpleNamespace(no_review=False, review_priority=priority, memory_mb=300, minutes=7)
+    with pytest.raises(Stopped):
+        asyncio.run(serve._review(SimpleNamespace(folder=folder), args))
+    root = tmp_path.resolve()
+    is_idle = priority == "idle"
+    assert jobs == [ReviewJob(str(root), str(root / "reviews"), 300, 7, is_idle=is_idle)]
+
+
+def test_nothing_is_reviewed_where_that_is_not_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serve, "ReviewProcess", None)  # would fail
+    asyncio.run(serve._review(SimpleNamespace(), SimpleNamespace(no_review=True)))
+
+
+@pytest.mark.parametrize(
+    ("outcome", "line"),
+    [
+        (NOTHING, ""),
+        (FULL, "not reviewed: the disk is full"),
+        (REVIEWED, "one.tlog: flight sound"),
+        (ReviewOutcome("one", "one.tlog", error="no recording"), "one.tlog: no recording"),
+    ],
+)
+def test_an_outcome_is_one_line(outcome: ReviewOutcome, line: str) -> None:
+    assert serve._line(outcome) == line
+
+
+def test_a_process_that_runs_is_asked_until_it_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = [None, None, REVIEWED]
+    monkeypatch.setattr(serve, "LOOK_S", 0.0)
+    process = SimpleNamespace(start=lambda: None, outcome=lambda: left.pop(0))
+    assert asyncio.run(serve._outcome(process)) == REVIEWED
+
+
+def test_a_start_that_fails_without_words_is_told_by_its_text() -> None:
+    def start() -> None:
+        raise OSError("odd")
+
+    outcome = asyncio.run(serve._outcome(SimpleNamespace(start=start)))
+    assert outcome == ReviewOutcome(trouble="odd")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["FOLDER/none"], "FOLDER/none: no such folder; name a folder of recordings"),
+        (["FOLDER", "--address", "8080"], "--address: '8080' is not HOST:PORT"),
+        (
+            ["FOLDER", "--minutes", "0"],
+            "--memory-mb, --minutes and --upload-mb: expected 1 to 1000000",
+        ),
+    ],
+)
+def test_what_cannot_be_served_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert main(["serve", *(word.replace("FOLDER", str(tmp_path)) for word in words)]) == BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.startswith(f"h2nav: {said.replace('FOLDER', str(tmp_path))}")
+
+
+class Server:
+    """Takes the place of the web server, and is interrupted as soon as it listens."""
+
+    def __init__(self, live: object, host: str, port: int, site: object) -> None:
+        assert live is None
+        if host == "127.0.0.2":
+            raise OSError(98, "Address already in use")
+        self.at, self.site, self.port, self.is_closed = (host, port), site, 4321, False
+        MADE.append(self)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+MADE: list[Server] = []
+
+
+@pytest.mark.parametrize(
+    ("words", "url"),
+    [
+        ([], "http://127.0.0.1:4321/flights#token=secret"),
+        (["--address", "[::1]:0"], "http://[::1]:4321/flights#token=secret"),
+        (["--read-only"], "http://127.0.0.1:4321/flights"),
+        (
+            ["--upload-mb", "3", "--reviews", "r", "--open"],
+            "http://127.0.0.1:4321/flights#token=secret",
+        ),
+    ],
+)
+def test_the_address_is_printed_with_a_token_unless_nothing_may_be_changed(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    url: str,
+) -> None:
+    need_package("tornado")
+    from h2nav.live import flights_site, server
+
+    sites, opened, reviewed = [], [], []
+
+    def site(folder: FlightFolder, rights: flights_site.SiteRights) -> SimpleNamespace:
+        sites.append((folder.root, folder.reviews, *rights))
+        return SimpleNamespace(close=lambda: sites.append("closed"))
+
+    async def review(site: object, _: object) -> None:
+        reviewed.append(site)
+        os.kill(os.getpid(), signal.SIGTERM)
+        await asyncio.sleep(60.0)
+
+    MADE.clear()
+    monkeypatch.setattr(flights_site, "FlightsSite", site)
+    monkeypatch.setattr(server, "PageServer", Server)
+    monkeypatch.setattr(serve, "new_token", lambda: "secret")
+    monkeypatch.setattr(serve, "open_page", opened.append)
+    monkeypatch.setattr(serve, "_review", review)
+    assert main(["serve", str(tmp_path), *words]) == SUCCESS
+    assert capsys.readouterr().out == f"{url}\n"
+    assert opened == ([url] if "--open" in words else [])
+    reviews = Path("r") if "--reviews" in words else tmp_path / "reviews"
+    token = "" if "--read-only" in words else "secret"
+    megabytes = 3 if "--upload-mb" in words else 1024
+    assert sites == [(tmp_path, reviews, token, megabytes << 20), "closed"]
+    (made,) = MADE
+    assert made.is_closed
+    assert reviewed == [made.site]
+    assert made.at == (("::1", 0) if "[::1]:0" in words else ("127.0.0.1", 8080))
+
+
+def test_an_address_that_is_taken_is_told_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    need_package("tornado")
+    from h2nav.live import server
+
+    monkeypatch.setattr(server, "PageServer", Server)
+    assert main(["serve", str(tmp_path), "--address", "127.0.0.2:80"]) == FAILED
+    said = "h2nav: --address: 127.0.0.2:80: Address already in use; choose another\n"
+    assert capsys.readouterr().err == said
