@@ -8,6 +8,7 @@ from synthetic_imu import FIELD, FIELD_N
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
+    SensorDelays,
     SensorErrors,
     Trust,
     VehicleState,
@@ -122,6 +123,16 @@ def test_a_clipped_sample_or_one_without_a_force_begins_anew():
         monitor.check(sample)
         monitor.add(sample, estimate(t_us + STEP_US))
         assert math.isnan(monitor.ratios.force_10s)
+
+
+@pytest.mark.parametrize(("gyro_s", "field_s", "later_s"), [(0.02, 0.1, 0.08), (0.1, 0.02, 0.0)])
+def test_a_field_is_as_late_as_it_is_later_than_the_rates_also_after_a_reboot(
+    gyro_s, field_s, later_s
+):
+    monitor = new()
+    monitor.use_delays(SensorDelays(gyro_s, field_s))
+    for each in (monitor, monitor.anew()):
+        assert each._watch.gains.field_delay_s == pytest.approx(later_s)
 
 
 # --- velocities ----------------------------------------------------------------------------------
