@@ -249,3 +249,30 @@ def test_a_word_that_is_missing_or_wrong_is_named(module, words, said, capsys):
         parser_of(module).parse_args(words.split())
     assert ended.value.code == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("module", "lines"),
+    [
+        (calibrate, ["Nothing is ever sent to a vehicle: check the values, load them, and fly"]),
+        (check, ["2 bad input. The vehicle must stand still, disarmed."]),
+        (compare, ["flights of one deviation differ by up to 2 of them in 95 cases of 100."]),
+        (completion, ["  h2nav completion zsh  > _h2nav     # in a folder of $fpath"]),
+        (demo, []),
+        (evaluate_campaign, ["more examples:", "  h2nav evaluate campaign --draw small.yaml"]),
+        (evaluate_dataset, ["more examples:", "  h2nav evaluate dataset trials/ --filter all"]),
+        (evaluate_flights, ["spans: whole begins with an estimator's first estimate, settled 60"]),
+        (
+            fake_autopilot,
+            [
+                "orders on standard input while it flies:",
+                "  quit                                         the program ends",
+            ],
+        ),
+        (fleet, ["DIR gets index.html, reviews/"]),
+    ],
+)
+def test_the_help_ends_with_what_the_command_does_line_by_line(module, lines):
+    found = parser_of(module).format_help().splitlines()
+    for line in lines:
+        assert any(one.startswith(line) for one in found), line

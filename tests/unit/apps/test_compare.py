@@ -85,6 +85,10 @@ def test_people_see_both_flights_what_is_set_otherwise_and_which_figures_are_apa
     assert "  ATC_RAT_RLL_P             0.135         0.25" in lines
     assert "  ONLY_A                        2            -" in lines
     assert not any("INS_ACC_ID" in line for line in lines)
+    assert lines[-4:-2] == [
+        "",
+        "figures                            A          B   deviations apart",
+    ]
     figures = {line.split()[0]: line.split()[1:] for line in lines if line.startswith("  imu_1")}
     assert figures["imu_1_force_at_rest_m_s2"][:2] == ["9.8", "10.8"]
     assert figures["imu_1_force_at_rest_m_s2"][3] == "<"  # far apart

@@ -41,6 +41,24 @@ class FakeProcess:
             raise subprocess.TimeoutExpired("fake", timeout_s)
 
 
+class FakeReference:
+    """Notes what it is told of, and has the table that a test made."""
+
+    message_ids = frozenset({30})
+
+    def __init__(self, table):
+        self.frames, self.estimates, self.made = [], [], table
+
+    def table(self):
+        return self.made
+
+    def frame(self, t_ns, frame):
+        self.frames.append((t_ns, frame))
+
+    def estimate(self, t_ns, estimate):
+        self.estimates.append((t_ns, estimate))
+
+
 class Bench:
     """A demo whose processes and flight a test makes."""
 
@@ -70,7 +88,8 @@ class Bench:
 
             def run(self, stop, seconds):
                 bench.seconds = seconds
-                bench.onlooker.reference = SimpleNamespace(table=lambda: bench.table)
+                bench.onlooker.frame(1, "a frame")
+                bench.onlooker.estimate(2, "an estimate", 3)
                 bench.notices = []
                 bench.onlooker.notice = lambda *notice: bench.notices.append(notice)
                 if bench.is_signalled:
@@ -98,6 +117,7 @@ class Bench:
             yield given
             demo.os.close(reader)
 
+        monkeypatch.setattr(demo, "Reference", lambda: FakeReference(self.table))
         monkeypatch.setattr(demo, "Session", FakeSession)
         monkeypatch.setattr(demo, "start_module", start_module)
         monkeypatch.setattr(demo, "order_input", order_input)
@@ -251,6 +271,14 @@ def test_a_signal_interrupts_it(bench, capsys):
     bench.is_signalled = True
     assert bench.run() == INTERRUPTED
     assert capsys.readouterr().out == ""
+
+
+def test_frames_and_estimates_reach_the_table(bench):
+    assert bench.run() == SUCCESS
+    assert bench.onlooker.reference.frames == [(1, "a frame")]
+    assert bench.onlooker.reference.estimates == [(2, "an estimate")]
+    assert bench.onlooker.message_ids == {30}
+    assert bench.onlooker._latest == "an estimate"  # the panel shows it, too
 
 
 # --- the user, and the other process ----------------------------------------------------------
