@@ -92,3 +92,21 @@ def test_comparisons_are_recorded_in_degrees():
     assert last.record.heading_deg == pytest.approx(0.0, abs=0.01)
     assert last.record.source == "autopilot"
     assert one.on_sample(ImuSample(99_000_000, ZERO, (0.0, 0.0, -9.8)), None) == []
+
+
+S = SECOND_NS
+
+
+@pytest.mark.parametrize(("later_ns", "is_fresh"), [(2 * S, True), (2 * S + 1, False)])
+def test_an_attitude_is_fresh_for_two_seconds(later_ns, is_fresh):
+    one = Comparing()
+    one.on_report(S, ReportedAttitude(False, None, TILTED))
+    expected = (S, AttitudeSource.AUTOPILOT, TILTED)
+    assert one.latest(S + later_ns) == (expected if is_fresh else None)
+
+
+def test_two_at_once_and_then_one_in_a_tenth_of_a_second():
+    one = Comparing()
+    assert [one.on_arrival(0, ATTITUDE) for _ in range(3)] == [True, True, False]
+    assert one.idle_until_ns(ATTITUDE) == S // 10
+    assert one.on_arrival(0, AHRS2)

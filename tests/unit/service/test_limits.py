@@ -1,5 +1,7 @@
+import pytest
+
 from h2nav.maths.units import SECOND_NS
-from h2nav.service.limits import RateLimit, Steady
+from h2nav.service.limits import RateLimit, Slow, Steady
 
 
 def test_a_burst_and_then_the_rate():
@@ -43,3 +45,39 @@ def test_the_next_event_may_happen_when_the_limit_says():
     assert not limit.allows(limit.next_ns - 1)
     assert limit.next_ns == SECOND_NS + SECOND_NS // 10
     assert limit.allows(limit.next_ns)
+
+
+def test_what_is_refused_is_counted_and_costs_nothing():
+    limit = RateLimit(2.0, burst=3)
+    assert [limit.allows(0) for _ in range(5)] == [True] * 3 + [False] * 2
+    assert limit.refused == 2
+    assert limit.next_ns == SECOND_NS // 2
+    assert not limit.allows(SECOND_NS // 2 - 1)
+    assert limit.allows(SECOND_NS // 2)
+    assert limit.refused == 3
+
+
+@pytest.mark.parametrize(("last_ns", "is_believed"), [(SECOND_NS - 1, False), (SECOND_NS, True)])
+def test_a_value_needs_its_time_and_three_repetitions(last_ns, is_believed):
+    steady = Steady(1, hold_ns=SECOND_NS)
+    assert not steady.take(0, 2)
+    assert not steady.take(1, 2)
+    assert steady.take(last_ns, 2) is is_believed
+    assert steady.value == (2 if is_believed else 1)
+
+
+def test_what_is_the_same_is_for_the_caller_to_say():
+    steady = Steady(1.0, hold_ns=10, same=lambda one, other: abs(one - other) < 0.5)
+    assert not any(steady.take(t_ns, 1.4) for t_ns in range(0, 100, 5))
+    assert [steady.take(t_ns, 2.0 + 0.01 * t_ns) for t_ns in (0, 5, 10)] == [False, False, True]
+    assert steady.value == 2.1
+
+
+@pytest.mark.parametrize(("later_ns", "value"), [(99, 2), (100, 3)])
+def test_a_slow_value_follows_at_once_and_then_stays_for_a_while(later_ns, value):
+    slow = Slow(1, hold_ns=100)
+    slow.take(5, 1)
+    slow.take(7, 2)
+    assert slow.value == 2
+    slow.take(7 + later_ns, 3)
+    assert slow.value == value

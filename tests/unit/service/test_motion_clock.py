@@ -105,3 +105,98 @@ def test_a_stray_is_refused_and_a_lasting_change_is_followed(first_us):
     answers = [clock.imu_time(START_NS, 99 * 86_400_000_000 + i) for i in range(STRAYS)]
     assert answers[:-1] == [None] * (STRAYS - 1)
     assert answers[-1] == START_NS // 1000 + IMU_OFFSET_US
+
+
+IMU_NOW_US = START_NS // 1000 + IMU_OFFSET_US
+
+
+@pytest.mark.parametrize(
+    ("apart_us", "kind"),
+    [
+        (1_999_999, ClockKind.AUTOPILOT),
+        (-1_999_999, ClockKind.AUTOPILOT),
+        (2_000_000, ClockKind.OTHER),
+        (-2_000_000, ClockKind.OTHER),
+    ],
+)
+def test_a_time_within_two_seconds_is_the_autopilots(apart_us, kind):
+    clock = SourceClock(imu_clock(), UNIX_OFFSET_NS)
+    clock.imu_time(START_NS, IMU_NOW_US + apart_us)
+    assert clock.kind is kind
+
+
+@pytest.mark.parametrize(
+    ("age_us", "kind"),
+    [
+        (999_999, ClockKind.HOST),
+        (1_000_000, ClockKind.OTHER),
+        (-20_000, ClockKind.HOST),
+        (-20_001, ClockKind.OTHER),
+    ],
+)
+def test_a_time_of_the_last_second_is_this_hosts(age_us, kind):
+    clock = SourceClock(imu_clock(), UNIX_OFFSET_NS)
+    now_us = (START_NS + UNIX_OFFSET_NS) // 1000
+    mapped_us = clock.imu_time(START_NS, now_us - age_us)
+    assert clock.kind is kind
+    if kind is ClockKind.HOST:
+        assert mapped_us == IMU_NOW_US - age_us
+
+
+OWN_US = 7 * 86_400_000_000
+
+
+@pytest.mark.parametrize(
+    ("moved_us", "is_followed"),
+    [(2_000_000, True), (2_000_001, False), (-2_000_000, True), (-2_000_001, False)],
+)
+def test_an_own_clock_that_jumps_by_two_seconds_is_a_stray(moved_us, is_followed):
+    clock = SourceClock(imu_clock(), UNIX_OFFSET_NS)
+    assert clock.imu_time(START_NS, OWN_US) == IMU_NOW_US
+    later_ns, later_us = START_NS + 100_000_000, OWN_US + 100_000
+    assert (clock.imu_time(later_ns, later_us + moved_us) is not None) is is_followed
+
+
+def test_ten_contradictions_in_a_row_decide_the_clock_anew():
+    clock = SourceClock(imu_clock(), UNIX_OFFSET_NS)
+    clock.imu_time(START_NS, IMU_NOW_US)
+    strays = [clock.imu_time(START_NS, OWN_US) for _ in range(9)]
+    clock.imu_time(START_NS, IMU_NOW_US)
+    assert strays == [None] * 9
+    again = [clock.imu_time(START_NS, OWN_US) for _ in range(10)]
+    assert again == [None] * 9 + [IMU_NOW_US]
+    assert clock.kind is ClockKind.OTHER
+
+
+@pytest.mark.parametrize(
+    ("second_s", "third_s", "offset_us"),
+    [
+        (4.999, 5.0, 500),  # the best of the window before still counts
+        (4.999, 9.998, 500),
+        (5.0, 10.0, 0),  # the window before that one does not
+        (4.999, 10.0, -100),  # nor after a pause
+    ],
+)
+def test_the_best_of_five_to_ten_seconds_counts(second_s, third_s, offset_us):
+    clock = LeastDelay()
+    for at_s, offset in ((0.0, 500), (second_s, 0), (third_s, -100)):
+        t_ns = round(at_s * SECOND)
+        clock.seen(t_ns, t_ns // 1000 + offset)
+    assert clock.offset_us == offset_us
+
+
+@pytest.mark.parametrize(
+    ("usec", "now_us", "expected"),
+    [
+        (5, 1 << 32, (1 << 32) + 5),
+        ((1 << 32) - 5, 1 << 32, (1 << 32) - 5),
+        (5, 3 << 32, (3 << 32) + 5),
+        ((1 << 32) + 5, (1 << 32) + 9, (1 << 32) + 5),  # no counter of 32 bits
+    ],
+)
+def test_a_counter_of_32_bits_goes_on_with_the_autopilots(usec, now_us, expected):
+    imu = LeastDelay()
+    imu.seen(START_NS, now_us)
+    clock = SourceClock(imu, 0)
+    assert clock.imu_time(START_NS, usec) == expected
+    assert clock.kind is ClockKind.AUTOPILOT

@@ -122,3 +122,46 @@ def test_an_estimate_with_a_number_that_is_none_is_not_finite(bad):
     for field in ("pose_covariance", "velocity_covariance"):
         record = moved(0).record._replace(**{field: (*(0.01,) * 20, bad)})
         assert not is_finite(moved(0)._replace(record=record))
+
+
+def test_a_source_is_silent_after_five_seconds():
+    one = source()
+    one.heard(7, CAMERA, POSE)
+    assert not one.may_be(5_000_000_007, OTHER, POSE)
+    assert one.may_be(5_000_000_008, OTHER, POSE)
+
+
+def test_ten_refusals_in_a_row_and_half_a_second_without_estimates_are_told():
+    streak = RefusalStreak("wheel distances", reported)
+    assert [bool(streak.refused(n, "why")) for n in range(11)] == [False] * 9 + [True, False]
+    out, _ = out_with()
+    out.put(7, moved(0))
+    assert out.nothing(500_000_007) == []
+    assert out.nothing(500_000_008)
+
+
+def test_what_is_told_of_resets_and_of_a_new_source():
+    out, _ = out_with()
+    told = [effect for effect in out.put(0, moved(0)) if isinstance(effect, Notice)]
+    assert told == [Notice(Severity.INFO, "odometry from poses")]
+    told = [effect for effect in out.put(1, moved(50_000, resets=3)) if isinstance(effect, Notice)]
+    assert told == [Notice(Severity.NOTICE, "odometry reset, number 3", "odometry")]
+    out.nothing(10**12)
+    told = [effect for effect in out.put(2, moved(100_000, resets=3)) if isinstance(effect, Notice)]
+    assert told == [Notice(Severity.INFO, "odometry from poses")]
+
+
+def test_odometry_is_sent_as_the_vehicles_system_and_logged_at_its_time():
+    out, _ = out_with(COPTER._replace(system_id=9))
+    send, record, _ = out.put(0, moved(70_000))
+    assert (send.system_id, send.message.time_usec) == (9, 70_000)
+    assert (record.topic, record.t_us, record.record.quality) == ("/odometry", 70_000, 50)
+
+
+@pytest.mark.parametrize("field", ["q", "p_m", "v_b_m_s", "w_b_rad_s"])
+def test_every_part_of_an_estimate_has_to_be_finite(field):
+    values = getattr(moved(0).record, field)
+    for place in range(len(values)):
+        bad = tuple(float("nan") if place == n else value for n, value in enumerate(values))
+        record = moved(0).record._replace(**{field: bad})
+        assert not is_finite(moved(0)._replace(record=record))

@@ -57,3 +57,46 @@ def test_a_rate_is_reached_from_four_fifths_on_with_a_margin_where_messages_are_
     messages, seconds, rate_hz, reached
 ):
     assert ArrivalCount(messages, seconds).reach(rate_hz) is reached
+
+
+MS = SECOND_NS // 1000
+
+
+def test_a_snapshot_is_due_in_a_tenth_of_a_second():
+    meter = RateMeter()
+    assert meter.sample(0)
+    assert not meter.sample(100 * MS - 1)
+    assert meter.sample(100 * MS)
+
+
+@pytest.mark.parametrize(("looked_ms", "is_known"), [(999, False), (1_000, True)])
+def test_a_rate_is_known_a_second_after_the_first_message(looked_ms, is_known):
+    meter = RateMeter()
+    meter.sample(0)
+    meter.counts[FAST] += 1
+    meter.sample(500 * MS)
+    meter.counts[FAST] += 10
+    meter.sample((500 + looked_ms) * MS)
+    assert meter.hz(FAST) == (10.0 if is_known else None)
+    assert meter.hz(SLOW) is None
+
+
+def test_a_rate_is_of_two_seconds_or_of_those_asked_for():
+    meter = RateMeter()
+    for second in range(12):
+        meter.counts[FAST] += second
+        meter.sample(second * SECOND_NS)
+    assert meter.hz(FAST) == (10 + 11) / 2
+    assert meter.hz(FAST, 4 * SECOND_NS) == (8 + 9 + 10 + 11) / 4
+    assert meter.since(FAST, 9 * SECOND_NS) == ArrivalCount(10 + 11, 2.0)
+    assert meter.since(FAST, 8_500_000_000) == ArrivalCount(10 + 11, 2.0)
+    assert meter.since(FAST, 0) == ArrivalCount(sum(range(2, 12)), 10.0)
+    assert meter.since(FAST, 99 * SECOND_NS) == ArrivalCount(0, 0.0)
+    assert meter.since(SLOW, 0) == ArrivalCount(0, 10.0)
+    meter.counts[SLOW] += 5
+    assert meter.hz(FAST) == (10 + 11) / 2  # as of the latest snapshot
+
+
+@pytest.mark.parametrize(("messages", "seconds", "hz"), [(50, 2.0, 25.0), (3, 0.0, 0.0)])
+def test_the_mean_rate_of_a_period(messages, seconds, hz):
+    assert ArrivalCount(messages, seconds).hz == hz

@@ -51,3 +51,33 @@ def test_a_vehicle_that_moves_measures_nothing():
 def test_no_sound_accelerometer_is_that_wrong():
     assert not measured((0.0, 0.0, -GRAVITY - 1.01 * MAX_BIAS_M_S2))
     assert measured((0.0, 0.0, -GRAVITY - 0.99 * MAX_BIAS_M_S2))
+
+
+G_M_S2 = 9.80665
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(9.9, 0), (10.0, 1), (20.0, 1), (20.1, 2)])
+def test_a_window_is_ten_seconds_long(seconds, count):
+    assert len(measured((0.0, 0.0, -9.7), seconds=seconds)) == count
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("excess_g", "is_one"), [(0.0599, True), (0.0601, False)])
+def test_more_than_60_mg_is_no_bias(sign, excess_g, is_one):
+    assert bool(measured((0.0, 0.0, -GRAVITY - sign * excess_g * G_M_S2))) is is_one
+
+
+def test_the_share_is_that_of_the_most_probable_bias():
+    """Least squares: the bias, the error of the scale and the anomaly, each by its deviation."""
+    sigmas = (0.020 * G_M_S2, 0.005 * G_M_S2, 0.003)
+    (found,) = measured((0.0, 0.0, -GRAVITY - 0.1))
+    information = sum(sigma**2 for sigma in sigmas)
+    assert found[2] == pytest.approx(-0.1 * sigmas[0] ** 2 / information, rel=1e-9)
+
+
+def test_the_mean_of_the_forces_counts():
+    rest = RestForce()
+    for number in range(101):
+        found = rest.add(number * STEP_US, (0.0, 0.0, -9.71 - 0.2 * (number % 2)), GRAVITY)
+    # 50 of the 101 forces are 0.2 m/s^2 larger
+    assert found[2] == pytest.approx(SHARE * (GRAVITY - (9.71 + 0.2 * 50 / 101)), rel=1e-9)

@@ -158,3 +158,76 @@ def test_several_parameters_are_asked_for_in_turn():
     assert request.next(2, (1, 1)).param_id == "SECOND"
     asked = [t_s for t_s in range(1000) if request.next(t_s * 10**9, (1, 1))]
     assert len(asked) == len(PAUSES_NS) - 1
+
+
+@pytest.mark.parametrize(
+    ("value_hz", "is_taken"),
+    [(0.0, True), (1.99, False), (2.0, True), (1000.0, True), (1000.1, False), (None, False)],
+)
+def test_a_low_pass_is_off_or_from_2_to_1000_hz(value_hz, is_taken):
+    timing = timing_of(COPTER)
+    assert timing.take_parameter(ParameterValue("INS_GYRO_FILTER", value_hz)) is is_taken
+    expected_s = math.sqrt(2.0) / (2.0 * math.pi * (value_hz or math.inf)) if is_taken else 0.01125
+    assert timing.ages().rates_s == pytest.approx(expected_s, rel=1e-3)
+    assert timing.ages().field_s == 0.05
+
+
+def test_a_rovers_low_pass_is_at_4_hz_until_it_is_known():
+    assert timing_of(ROVER).ages().rates_s == butterworth_delay_s(4.0)
+    assert not timing_of(COPTER).take_parameter(ParameterValue("INS_GYRO_FILTER", 20.0))
+    assert timing_of(ROVER).take_parameter(ParameterValue("INS_GYRO_FILTER", 20.0))
+
+
+def test_the_period_is_a_mean_over_fifty_samples_and_a_gap_counts_twice():
+    timing = timing_of(PX4)
+    times_us = [0, 10_000, 30_000, 1_030_000]
+    periods_s = []
+    for t_us in times_us:
+        timing.sampled(t_us, field_is_raw=False)
+        periods_s.append(timing.period_s)
+    third_s = 0.010 + (0.020 - 0.010) / 50
+    assert periods_s == [
+        None,
+        pytest.approx(0.010),
+        pytest.approx(third_s),
+        pytest.approx(third_s + third_s / 50),
+    ]
+    timing.restart()
+    assert timing.period_s is None
+    assert timing.delays == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("moved_s", "is_told"), [(0.9e-4, False), (1.1e-4, True)])
+@pytest.mark.parametrize("of_field", [False, True])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_tenth_of_a_millisecond_is_a_change(moved_s, is_told, of_field, sign):
+    timing = timing_of(OTHER)
+    for number in range(3):
+        timing.sampled(number * 10_000, field_is_raw=False, ages=Ages(0.02, 0.05))
+    assert timing.delays == (pytest.approx(0.015), 0.05)
+    moved = sign * moved_s
+    ages = Ages(0.02, 0.05 + moved) if of_field else Ages(0.02 + moved, 0.05)
+    assert timing.sampled(30_000, field_is_raw=False, ages=ages) is is_told
+    field_s = 0.05 + moved * (of_field and is_told)
+    assert timing.delays[1] == pytest.approx(field_s)
+
+
+def test_a_field_of_unknown_age_is_as_old_as_the_rates():
+    timing = timing_of(OTHER)
+    for number in range(3):
+        timing.sampled(number * 10_000, field_is_raw=False, ages=Ages(0.02, None))
+    assert timing.delays == (pytest.approx(0.015), pytest.approx(0.015))
+
+
+@pytest.mark.parametrize(
+    ("identity", "chosen", "name"),
+    [
+        (COPTER, {}, "INS_GYRO_FILTER"),
+        (COPTER, {"gyro_delay_s": 0.01}, ""),
+        (COPTER, {"field_delay_s": 0.01}, "INS_GYRO_FILTER"),
+        (PX4, {}, ""),
+        (OTHER, {}, ""),
+    ],
+)
+def test_which_parameter_is_asked_for(identity, chosen, name):
+    assert timing_of(identity, **chosen).parameter == name

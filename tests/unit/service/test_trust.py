@@ -96,3 +96,44 @@ def test_a_filter_that_needs_a_restart_waits_until_its_sensors_have_been_good_fo
     assert trust.is_good_again(NOW_NS + 3 * GOOD_AGAIN_NS)
     trust.renew()
     assert not trust.is_good_again(NOW_NS + 4 * GOOD_AGAIN_NS), "it needs no restart"
+
+
+S = SECOND_NS
+
+
+@pytest.mark.parametrize(
+    ("reason", "text"),
+    [
+        ("non_finite", "IMU messages hold NaN or infinity"),
+        ("frozen", "the gyro repeats its values: it is frozen"),
+        ("zero_force", "the accelerometer reads exactly zero"),
+        ("rate_out_of_range", "the gyro's values are beyond any gyro's range"),
+        ("force_out_of_range", "the accelerometer's values are beyond any accelerometer's range"),
+        ("time_out_of_range", "the time stamps of the IMU messages are no times"),
+        ("duplicate", "the time stamps of the IMU messages stand still"),
+        ("late", "the time stamps of the IMU messages run backwards"),
+        ("stray_time", "the time stamps of the IMU messages jump"),
+        ("second_sender", "second_sender"),
+    ],
+)
+def test_each_refusal_is_told_in_words(trust, reason, text):
+    trust.refuse(NOW_NS, reason)
+    assert trust.why_no_samples(NOW_NS + S) == (reason, text)
+    assert trust.lost == ""
+    for _ in range(99):
+        trust.refuse(NOW_NS, reason)
+    assert (trust.is_refused, trust.lost) == (True, text)
+    trust.accept()
+    assert (trust.is_refused, trust.refusals, trust.lost) == (False, 0, "")
+
+
+def test_times_of_trust(trust):
+    assert (RESTART_AFTER_NS, GOOD_AGAIN_NS) == (S, S)
+    trust.rest(NOW_NS)
+    assert trust.rests(NOW_NS + 60 * S - 1)
+    assert not trust.rests(NOW_NS + 60 * S)
+    trust.judge(NOW_NS, sensor_is_bad=False)
+    assert not trust.sensor_is_bad
+    assert not trust.is_good_again(NOW_NS + 9 * S)  # nothing has to be
+    trust.require_restart()
+    assert trust.is_good_again(NOW_NS + S)
