@@ -141,4 +141,6 @@ def _remove_dead(path: Path) -> None:
         except ConnectionRefusedError:
             path.unlink()
             return
+        except BlockingIOError:  # so many wait there that there is no room for one more
+            pass
     raise BadInput(f"events.socket: another program listens on {path}; name another path")

@@ -104,3 +104,28 @@ def test_a_path_that_is_taken_is_refused_in_a_line(server, path, tmp_path):
         "name a path in a folder that can be written"
     )
     assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_path_of_a_program_at_which_many_wait_is_taken_too(path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
+        other.bind(os.fspath(path))
+        other.listen(0)
+        with connected(path), pytest.raises(BadInput) as refused:
+            EventSocket(path)
+    expected = f"events.socket: another program listens on {path}; name another path"
+    assert list(refused.value.lines) == [expected]
+
+
+@pytest.mark.parametrize("folder", ["none", "file"])
+def test_a_folder_that_is_none_is_told_with_a_remedy(tmp_path, folder):
+    (tmp_path / "file").touch()
+    path = tmp_path / folder / "events"
+    with pytest.raises(BadInput) as refused:
+        EventSocket(path)
+    (line,) = refused.value.lines
+    assert line.startswith(f"events.socket: {path}: ")
+    assert line.endswith("; name a path in a folder that can be written")
+
+
+def test_owner_and_group_may_connect(server, path):
+    assert stat.S_IMODE(path.stat().st_mode) == 0o660
