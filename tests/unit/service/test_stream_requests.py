@@ -511,3 +511,127 @@ def test_an_optional_stream_that_comes_by_itself_is_left_alone():
     talk.requests.give_up(talk.t_ns, SECOND_IMU)
     talk.run(40.0)
     assert SECOND_IMU not in talk.ids_asked()
+
+
+# --- times, just reached and just missed ----------------------------------------------------------
+
+
+class Ends:
+    """Requests for one stream, with the calls of the service made by hand."""
+
+    def __init__(self, *wanted, make=ARDUPILOT):
+        self.requests = StreamRequests(wanted or (WantedStream(HIGHRES, 100.0, (RAW,)),), make)
+        self.requests.heard(0)
+        self.look(0.0)
+        self.look(0.3)  # nothing comes: everything is wanted at once
+
+    def look(self, t_s):
+        self.requests.measure(round(t_s * SECOND_NS))
+
+    def asks(self, t_s):
+        """What is asked for at a time: name and parameters; None for nothing."""
+        message = self.requests.next_request(round(t_s * SECOND_NS), TARGET)
+        if message is None:
+            return None
+        if message.get_type() == "COMMAND_LONG":
+            return int(message.param1), round(message.param2)
+        return message.get_type(), message.req_stream_id, message.req_message_rate
+
+    def answers(self, t_s, result):
+        self.requests.acknowledged(round(t_s * SECOND_NS), result)
+
+
+def test_an_autopilot_that_sends_nothing_is_asked_after_three_tenths_of_a_second():
+    requests = StreamRequests((WantedStream(HIGHRES, 100.0),), PX4)
+    requests.heard(0)
+    for t_ns, is_asked in ((0, False), (299_999_999, False), (400_000_000, True)):
+        requests.measure(t_ns)
+        assert (requests.next_request(t_ns, TARGET) is not None) is is_asked
+
+
+@pytest.mark.parametrize(("later_s", "asks"), [(2.5, True), (2.501, False)])
+def test_an_autopilot_is_silent_after_two_seconds_and_a_half(later_s, asks):
+    assert (Ends().asks(later_s) is not None) is asks
+
+
+@pytest.mark.parametrize(("later_s", "again"), [(0.999, False), (1.0, True)])
+def test_an_answer_is_waited_for_for_a_second(later_s, again):
+    ends = Ends()
+    assert ends.asks(0.3) == (HIGHRES, 10_000)
+    assert (ends.asks(0.3 + later_s) is not None) is again
+
+
+def test_after_three_questions_without_an_answer_the_old_request_is_sent():
+    ends, asked = Ends(), []
+    for number in range(6):
+        ends.requests.heard(number * SECOND_NS)
+        asked.append(ends.asks(0.3 + number))
+    group = ("REQUEST_DATA_STREAM", mavlink.MAV_DATA_STREAM_RAW_SENSORS, 100)
+    assert asked == [(HIGHRES, 10_000)] * 3 + [group, None, None]
+
+
+def test_an_unknown_command_is_replaced_by_the_old_request_at_once():
+    ends = Ends(WantedStream(GPS, 5.0))
+    assert ends.asks(0.3) == (GPS, 200_000)
+    ends.answers(0.4, mavlink.MAV_RESULT_UNSUPPORTED)
+    group = mavlink.MAV_DATA_STREAM_EXTENDED_STATUS
+    assert ends.asks(0.4) == ("REQUEST_DATA_STREAM", group, 5)
+
+
+@pytest.mark.parametrize(
+    ("result", "asked"),
+    [
+        (mavlink.MAV_RESULT_ACCEPTED, None),
+        (mavlink.MAV_RESULT_IN_PROGRESS, None),
+        (mavlink.MAV_RESULT_DENIED, (HIGHRES, 12_500)),
+        (mavlink.MAV_RESULT_FAILED, (HIGHRES, 12_500)),
+        (mavlink.MAV_RESULT_TEMPORARILY_REJECTED, None),
+    ],
+)
+def test_what_follows_each_answer(result, asked):
+    ends = Ends()
+    ends.asks(0.3)
+    ends.answers(0.4, result)
+    assert ends.asks(0.4) == asked
+
+
+@pytest.mark.parametrize(
+    ("make", "text", "asked"),
+    [
+        (PX4, "", (RAW, 10_000)),  # it refuses no rates
+        (ARDUPILOT, f"No ap_message for mavlink id ({HIGHRES})", (RAW, 10_000)),
+        (ARDUPILOT, f"No ap_message for mavlink id ({GPS})", (HIGHRES, 12_500)),
+        (ARDUPILOT, f"no ap_message for mavlink id {HIGHRES}", (HIGHRES, 12_500)),
+    ],
+)
+def test_a_text_may_say_that_the_message_is_unknown(make, text, asked):
+    ends = Ends(make=make)
+    ends.asks(0.3)
+    ends.answers(0.4, DENIED)
+    ends.requests.said(text)
+    assert ends.asks(0.5) == asked
+
+
+def test_thirty_requests_a_minute():
+    wanted = [WantedStream(message_id, 1.0) for message_id in range(1000, 1040)]
+    ends, times = Ends(*wanted), []
+    for tick in range(1200):
+        t_s = 0.3 + tick / 10
+        ends.requests.heard(round(t_s * SECOND_NS))
+        if ends.asks(t_s) is not None:
+            times.append(t_s)
+            ends.answers(t_s, OK)
+    assert len(times) == 40
+    assert times[29] < 4.0
+    assert times[30] == pytest.approx(times[0] + 60.0, abs=0.05)
+
+
+def test_a_rate_that_was_asked_for_is_the_one_to_expect():
+    ends = Ends(WantedStream(HIGHRES, 100.0, (RAW,)), WantedStream(GPS, 5.0, is_optional=True))
+    for message_id, rate_hz in ((HIGHRES, 100.0), (RAW, 100.0), (GPS, 5.0), (SPEED, None)):
+        assert ends.requests.granted_hz(message_id) == rate_hz
+    assert ends.requests.measured_hz(HIGHRES) is None
+    assert not any(ends.requests.is_refused(message_id) for message_id in (HIGHRES, RAW, SPEED))
+    ends.requests.give_up(SECOND_NS, GPS)
+    ends.requests.give_up(SECOND_NS, HIGHRES)  # what is needed is not given up
+    assert [ends.requests.is_given_up(message_id) for message_id in (GPS, HIGHRES)] == [True, False]
