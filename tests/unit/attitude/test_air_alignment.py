@@ -157,3 +157,105 @@ def test_a_window_made_from_its_values_goes_on_identically() -> None:
     feed(again, samples[170:])
     assert again.values() == window.values()
     assert solved(again, KNOWN) == solved(window, KNOWN)
+
+
+# --- what is just enough, and just too little -----------------------------------------------------
+
+
+def at_rest(count: int, length_s: float, field: Vec3 = FIELD_N, latency_s: float = 0.0):
+    """A level window without acceleration, with so many velocities, evenly from its end back."""
+    window = AirAlignment(0)
+    steps = round(length_s * 100)
+    taken = {steps - (steps - 1) * i // max(count - 1, 1) for i in range(count)}
+    for i in range(1, steps + 1):
+        window.add(i * DT_US, (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), field, latency_s)
+        if i in taken:
+            window.take(i * DT_US, (5.0, -3.0))
+    return window.solve(quaternion.IDENTITY, KNOWN, SIGMA_M_S)
+
+
+@pytest.mark.parametrize(
+    ("count", "length_s", "is_solved"),
+    [(4, 1.0, True), (3, 1.0, False), (4, 0.99, False), (9, 4.0, True)],
+)
+def test_a_second_and_four_velocities_are_enough(count, length_s, is_solved) -> None:
+    found = at_rest(count, length_s)
+    assert (found is not None) is is_solved
+    if found is not None:
+        assert found.length_s == pytest.approx(length_s)
+
+
+def test_a_tilt_is_as_certain_as_velocities_by_their_times() -> None:
+    """Of a line through noisy velocities: sqrt(2 / sum of squares about their mean time) / g."""
+    found = at_rest(4, 1.0)
+    times_s = [1.0 - 0.01 * (99 * i // 3) for i in range(4)]
+    mean_s = sum(times_s) / 4
+    spread = sum((t_s - mean_s) ** 2 for t_s in times_s)
+    assert found.tilt_sigma_rad == pytest.approx(math.sqrt(2.0 / spread) * SIGMA_M_S / GRAVITY)
+    assert found.heading_sigma_rad == pytest.approx(5.0 * DEG)
+
+
+def leaned(field_scale=1.0, more_dip_deg=0.0, dip_deg=None):
+    """The deviation of a heading by a field of another norm and dip than that of the reference."""
+    dip = FIELD.dip_rad + more_dip_deg * DEG if dip_deg is None else dip_deg * DEG
+    size, angle = field_scale * FIELD.norm_ut, FIELD.declination_rad
+    field = (size * math.cos(dip) * math.cos(angle), size * math.cos(dip) * math.sin(angle),
+             size * math.sin(dip))  # fmt: skip
+    return at_rest(6, 2.0, field)
+
+
+@pytest.mark.parametrize(
+    ("how", "gives"),
+    [
+        ({"field_scale": 1.09}, True),
+        ({"field_scale": 1.11}, False),
+        ({"field_scale": 0.91}, True),
+        ({"field_scale": 0.89}, False),
+        ({"more_dip_deg": 9.9}, True),
+        ({"more_dip_deg": 10.1}, False),
+        ({"more_dip_deg": -9.9}, True),
+        ({"more_dip_deg": -10.1}, False),
+    ],
+)
+def test_a_field_of_the_references_norm_and_dip_gives_a_heading(how, gives) -> None:
+    found = leaned(**how)
+    assert (found.heading_sigma_rad < math.inf) is gives
+    assert quaternion.angle(found.q_nb, quaternion.IDENTITY) < 1e-6
+
+
+@pytest.mark.parametrize(("dip_deg", "gives"), [(86.9, True), (87.3, False), (-87.3, False)])
+def test_a_field_along_the_force_gives_no_heading(dip_deg, gives) -> None:
+    """Its part across is a twentieth."""
+    steep = KNOWN._replace(dip_rad=dip_deg * DEG, dip_gate_rad=20.0 * DEG)
+    window = AirAlignment(0)
+    field = (50.0 * math.cos(dip_deg * DEG), 0.0, 50.0 * math.sin(dip_deg * DEG))
+    for i in range(1, 201):
+        window.add(i * DT_US, (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), field, 0.0)
+        if i % 20 == 0:
+            window.take(i * DT_US, (5.0, -3.0))
+    found = window.solve(quaternion.IDENTITY, steep._replace(norm=50.0), SIGMA_M_S)
+    assert (found.heading_sigma_rad < math.inf) is gives
+
+
+def test_a_field_is_that_of_its_own_time() -> None:
+    """A vehicle that yaws, of which each field is 50 ms old."""
+    rate, window = 1.0, AirAlignment(0)
+    for i in range(1, 201):
+        then = quaternion.from_euler(0.0, 0.0, rate * (0.01 * i - 0.05))
+        m_b = quaternion.rotate(quaternion.conjugate(then), FIELD_N)
+        window.add(i * DT_US, (0.0, 0.0, rate), (0.0, 0.0, -GRAVITY), m_b, 0.05)
+        if i % 20 == 0:
+            window.take(i * DT_US, (5.0, -3.0))
+    found = window.solve(quaternion.from_euler(0.0, 0.0, 1.3), KNOWN, SIGMA_M_S)
+    assert quaternion.angle(found.q_nb, quaternion.from_euler(0.0, 0.0, 2.0 * rate)) < 1e-3
+
+
+@pytest.mark.parametrize(("t_us", "counts"), [(-1, False), (0, True), (4_000_000, True)])
+def test_velocities_of_the_window_count(t_us, counts) -> None:
+    window = AirAlignment(0)
+    window.take(5, (1.0, 2.0))
+    assert not any(window.values()[12:]), "without a sample before it"
+    window.add(10_000, (0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), None, 0.0)
+    before = window.values()
+    window.take(t_us, (1.0, 2.0))
+    assert (window.values() != before) is counts
