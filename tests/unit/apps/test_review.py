@@ -197,7 +197,6 @@ def made(count, severity="warning"):
     [
         (0, "4 s, no findings", []),
         (1, "4 s, 1 finding", []),
-        (2, "4 s, 2 findings", []),
         (20, "4 s, 20 findings", []),
         (21, "4 s, 21 findings", ["  and 1 more"]),
     ],

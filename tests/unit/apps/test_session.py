@@ -204,11 +204,11 @@ def test_logs_are_fetched_into_the_folder_of_the_log(
     assert isinstance(found, LogFetcher) is fetches
 
 
-def test_what_is_shown_of_the_log_is_the_recorders(tmp_path: Path) -> None:
-    with opened({"log": {"folder": str(tmp_path)}, "flights": {"review": False}}) as run:
-        sight = run._sight(5)
-        assert run.recorder is not None
-        assert sight.log == (run.recorder.path, None, run.recorder.statistics())
-        assert sight.health.state == sight.status.state == "no_link"
+def test_what_is_shown_of_the_log_is_the_recorders() -> None:
     with opened({}) as run:
         assert run._sight(5).log is None
+        run.recorder = SimpleNamespace(path=Path("a.mcap"), trouble="full", statistics=lambda: 7)
+        sight = run._sight(5)
+        run.recorder = None
+    assert sight.log == (Path("a.mcap"), "full", 7)
+    assert sight.health.state == sight.status.state == "no_link"

@@ -7,6 +7,7 @@ from pathlib import Path
 import fsspec
 import pytest
 
+from h2nav.fleet import store as stores
 from h2nav.fleet.store import Store
 
 
@@ -45,8 +46,11 @@ def test_a_file_is_taken_as_it_is(store: Store, tmp_path: Path) -> None:
     assert store.names("reviews/x") == {"page.html"}
 
 
-def test_many_are_read_in_the_order_that_is_asked_for(store: Store) -> None:
-    names = [f"r/{number}" for number in range(501, 0, -1)]
+def test_many_are_read_in_the_order_that_is_asked_for(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stores, "_BATCH", 2)
+    names = [f"r/{number}" for number in range(5, 0, -1)]
     for name in names:
         store.write(name, name.encode())
     assert list(store.read_all(iter(names))) == [(name, name.encode()) for name in names]

@@ -31,6 +31,7 @@ class Bench:
         self.task = self.of(str(self.recording))
         self.reviewed: list[tuple[Path, bytes, bytes | None]] = []
         self.answer: dict | Exception = {"kind": "tlog"}
+        self.collected: list[int] = []
 
     def of(self, address: str, run: str = "run") -> Task:
         return Task(FlightSource(address, 9, "stamp"), "0123456789abcdef", run)
@@ -55,6 +56,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
     made = Bench(tmp_path)
     there = SimpleNamespace(local_directory=str(made.scratch))
     monkeypatch.setattr(work, "get_worker", lambda: there)
+    monkeypatch.setattr(work, "gc", SimpleNamespace(collect=lambda: made.collected.append(1)))
     return made
 
 
@@ -260,3 +262,4 @@ def test_memory_goes_back_to_the_system_before_the_next_flight(
     monkeypatch.setattr(work, "ctypes", SimpleNamespace(CDLL=lambda _: library))
     bench.do()
     assert called == [("mallopt", -3, 1 << 20), ("malloc_trim", 0)]
+    assert bench.collected == [1]
