@@ -12,7 +12,7 @@ from h2nav.apps.json_output import print_json
 from h2nav.apps.session import Session
 from h2nav.errors import BadInput
 from h2nav.host.stop_signals import StopSignals
-from h2nav.integrity.preflight import Item
+from h2nav.integrity.preflight import NOT_READ, Item
 from h2nav.links.link_urls import FORMS
 from h2nav.service.service import Service
 from h2nav.service.settings import OutputSettings
@@ -100,7 +100,11 @@ def _show(found: dict[str, Any]) -> None:
         print("the vehicle is armed: no check was made")
     elif not found["judged"]:
         print("no check was possible: the vehicle has to stand still and send its IMU's messages")
-    limits = {fault["text"]: f" (at most {fault['limit']:.3g})" for fault in found["faults"]}
+    limits = {
+        fault["text"]: f" (at most {fault['limit']:.3g})"
+        for fault in found["faults"]
+        if fault["unit"] != NOT_READ
+    }
     for reason in found["reasons"]:
         print(f"wrong: {reason}{limits.get(reason, '')}")
     if found["ok"]:

@@ -1,6 +1,7 @@
 """The daemon's configuration file: sections, defaults, contradictions."""
 
 import dataclasses
+import math
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -457,8 +458,8 @@ def _bandwidth_complaints(configuration: Configuration) -> list[str]:
     load = link_load(configuration)
     complaints = []
     if load.inbound > capacity:
-        best_hz = (capacity - load.besides) / load.imu_frame
-        lower = f"lower it to {best_hz:.0f} or " if best_hz >= MIN_IMU_RATE_HZ else ""
+        best_hz = math.floor((capacity - load.besides) / load.imu_frame)
+        lower = f"lower it to {best_hz} or " if best_hz >= MIN_IMU_RATE_HZ else ""
         complaints.append(
             f"autopilot.imu_rate_hz: {configuration.autopilot.imu_rate_hz:g} Hz needs "
             f"{load.inbound:.0f} B/s, {baud} baud carries {capacity:.0f}; {lower}raise the baud "

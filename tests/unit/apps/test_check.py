@@ -9,9 +9,10 @@ from one_command import main
 from h2nav.apps import check
 from h2nav.apps.check import verdict_of
 from h2nav.cli import BAD_INPUT, FAILED, INTERRUPTED, SUCCESS
-from h2nav.integrity.preflight import GroundFault, GroundVerdict, Item
+from h2nav.integrity.preflight import NOT_READ, GroundFault, GroundVerdict, Item
 
 TILTED = GroundFault(Item.TILT, "autopilot", 12.34, "deg", 5.0)
+UNREAD = GroundFault(Item.COMPASS, "compass 1", 0.0, NOT_READ, 0.0)
 GROUND = frozenset({Item.GYRO, Item.TILT})
 
 
@@ -97,6 +98,8 @@ def test_the_document_has_every_check_in_one_of_two_lists(session, capsys):
     [
         (service(), ["nothing wrong with: gyro, tilt"]),
         (WRONG, [f"wrong: {TILTED.text} (at most 5)", "wrong: autopilot: no GPS"]),
+        # What has no size has no limit.
+        (service((UNREAD,), reasons=(UNREAD.text,)), ["wrong: compass 1 is no longer read"]),
         (service(judged=frozenset(), vehicle=""), ["no autopilot was detected"]),
         (
             service(judged=frozenset(), is_armed=True),

@@ -58,7 +58,7 @@ def test_an_imu_rate_beyond_the_baud_rate_names_the_rate_that_fits(tmp_path):
     text = "link: {url: 'serial:/dev/ttyAMA0:57600'}\nautopilot: {imu_rate_hz: 100}\n"
     (line,) = errors(text, tmp_path)
     assert "autopilot.imu_rate_hz" in line
-    assert "lower it to 62" in line
+    assert "lower it to 61" in line
 
 
 def test_outputs_beyond_the_baud_rate_are_refused(tmp_path):

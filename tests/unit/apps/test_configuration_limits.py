@@ -112,6 +112,22 @@ def test_a_serial_line_carries_a_tenth_of_its_baud_rate_in_bytes(baud, rate_hz, 
     assert line.startswith(f"file: autopilot.imu_rate_hz: {said}")
 
 
+@pytest.mark.parametrize("message", ["HIGHRES_IMU", "RAW_IMU", "SCALED_IMU"])
+@pytest.mark.parametrize("baud", [19_200, 38_400, 57_600, 100_000])
+def test_who_lowers_the_rate_as_is_told_is_not_refused_again(message, baud):
+    def sections(rate_hz):
+        return {
+            "link": {"url": f"serial:/dev/ttyS0:{baud}"},
+            "autopilot": {"imu_message": message, "imu_rate_hz": rate_hz},
+            "output": SILENT,
+        }
+
+    (line,) = complaints(**sections(1000))
+    told_hz = int(line.partition("lower it to ")[2].split()[0])
+    made(**sections(told_hz))
+    assert complaints(**sections(told_hz + 1))
+
+
 @pytest.mark.parametrize(("rate_hz", "is_refused"), [(96, False), (97, True)])
 def test_outputs_may_take_the_whole_line_and_no_more(rate_hz, is_refused):
     sections = {

@@ -48,7 +48,7 @@ def test_wheel_distances_and_odometry_count_on_a_serial_link(tmp_path):
         "motion: {estimator: wheels}\noutput: {attitude_rate_hz: 40}\n"
     )
     lines = errors(text, tmp_path)
-    assert any("lower it to 22 " in line for line in lines)
+    assert any("lower it to 21 " in line for line in lines)
     assert any("the outputs need" in line for line in lines)
 
 
