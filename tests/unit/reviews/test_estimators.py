@@ -262,7 +262,7 @@ class Hover(NamedTuple):
     in_flight: tuple[Finding, ...] = ()
 
     def found(self) -> list[Finding]:
-        t_s = np.arange(0.0, LONG_S, 0.02)
+        t_s = np.arange(10.0, LONG_S, 0.02)
         w_b = np.tile((0.0, 0.0, self.turn_deg_s * DEG), (len(t_s), 1))
         true = exponential(t_s[:, None] * w_b)
         pushed = self.pushed_m_s2 * np.outer(np.sin(t_s), (1.0, 0.0, 0.0))
@@ -284,7 +284,7 @@ class Hover(NamedTuple):
         if self.sigma_deg is not None:
             sigma = np.full(len(t_s), self.sigma_deg * DEG)
             best = attitudes(t_s, ours)._replace(sigma_tilt_rad=sigma, sigma_heading_rad=sigma)
-        fixes_s = np.arange(0.0, LONG_S, 0.2)
+        fixes_s = np.arange(10.0, LONG_S, 0.2)
         v_n = self.pushed_m_s2 * np.outer(1.0 - np.cos(fixes_s), (1.0, 0.0, 0.0))
         every = np.ones(len(fixes_s))
         gps = GpsTrack(0, fixes_s, every > 0.0, *[0.0 * every] * 3, v_n, 0.3 * every, 12.0 * every)
