@@ -485,3 +485,15 @@ def test_lanes_count_while_armed(at_s, is_told):
         assert found[0].evidence == f"{at_s:.1f} s: core 0 to core 1"
         said = (Said(20.0, Severity.INFO, "EKF3 lane switch 1"),)
         assert detect_texts(Context(said=said, primary=lanes, armed=ARMED)) == []
+
+
+@pytest.mark.parametrize(("attitudes_", "samples"), [(2, 100), (20, 2), (0, 0)])
+def test_a_few_rows_show_no_jump(attitudes_, samples):
+    t_s = 10.0 + 0.1 * np.arange(attitudes_)
+    q_nb = np.tile((1.0, 0.0, 0.0, 0.0), (attitudes_, 1))
+    q_nb[1:] = (0.0, 0.0, 0.0, 1.0)
+    context = Context(attitudes=(AttitudeTrack("EKF3", t_s, q_nb),), armed=ARMED)
+    imu_s = 10.0 + 0.01 * np.arange(samples)
+    stamps = np.round(imu_s * 1e6).astype(np.int64)
+    track = ImuTrack(0, "IMU", imu_s, stamps, *np.zeros((3, samples, 3)))
+    assert detect_estimators(context, track, None, ()) == []
