@@ -16,7 +16,8 @@ velocities may speak for the other attitude, so that nothing hides our own error
 ours: they may fit it because they have bent it. Nor do they speak for our tilt where the difference
 is what they have tilted us by: a velocity that drifts so slowly that nothing shows it to be false
 bends an attitude as well. Nor where our own IMUs differ by half as much: an accelerometer's bias
-tilts an attitude, and velocities fit it.
+tilts an attitude, and velocities fit it; one within data sheets may be all of a difference that was
+there, in the body, when our attitude was found.
 """
 
 import math
@@ -27,7 +28,7 @@ from typing import NamedTuple
 from h2nav.attitude.samples import ImuSample, VelocityFix
 from h2nav.integrity.likelihood import LinearModel
 from h2nav.integrity.tilt_corrections import TiltCorrections
-from h2nav.maths.quaternion import Quat, Vec3, rotate
+from h2nav.maths.quaternion import Quat, Vec3, conjugate, rotate
 
 WITNESS_WINDOW_US = 1_900_000
 LONGEST_WINDOW_US = 4_000_000
@@ -57,6 +58,10 @@ DECIDED = 3.0  # deviations
 AXES_RAD = 0.02
 # Tilts of ours that differ by this share of the difference do not know which is right.
 OWN_TILTS = 0.5
+# A difference that has changed by less than this share is the one from the beginning.
+CHANGED = 0.5
+# What an accelerometer within its data sheet, 60 mg, tilts an attitude by.
+BIAS_TILT_RAD = 0.06
 # A share further outside of 0 to 1 shows that neither attitude fits.
 OUTSIDE = 0.5
 
@@ -163,6 +168,7 @@ class VelocityWitness:
         self._windows: deque[_Window] = deque(maxlen=WINDOWS)
         self._found = Verdicts()  # by the windows of the last `EVIDENCE_US`
         self._doubt, self._tilt_is_doubted = NO_DOUBT, False
+        self._first_b: Vec3 | None = None  # the difference of the tilts that was there at first
 
     @property
     def verdicts(self) -> Verdicts:
@@ -177,10 +183,16 @@ class VelocityWitness:
         self._settle()
         about_down = (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
         self._turn, self._heading_rad = (t_us, q_nb, turn_n, about_down), heading_rad
+        if self._first_b is None:
+            self._first_b = _apart_b(q_nb, turn_n)
         self._age(t_us)
 
     def forget(self) -> None:
-        """Drops the evidence: it is of an attitude that we no longer have, or was bent."""
+        """Forgets all of an attitude that we no longer have."""
+        self._drop_evidence()
+        self._first_b = None
+
+    def _drop_evidence(self) -> None:
         self._windows.clear()
         self._start, self._found = None, Verdicts()
 
@@ -196,7 +208,7 @@ class VelocityWitness:
         """Takes a velocity; closes a window that has become long enough."""
         if self._doubt.may_be_bent and not doubt.may_be_bent:
             # Nothing from that time speaks for anybody after it.
-            self.forget()
+            self._drop_evidence()
         self._doubt = doubt
         now = self._integrated
         if now.t_us is None:
@@ -221,9 +233,14 @@ class VelocityWitness:
 
     def _is_own_tilt(self) -> bool:
         """Whether the difference of the tilts may be ours alone."""
-        if self._turn is None:
+        if self._turn is None or self._first_b is None:
             return False
-        doubt, (w, north, east, _) = self._doubt, self._turn[2]
+        _, q_nb, turn_n, _ = self._turn
+        now_b = _apart_b(q_nb, turn_n)
+        apart_rad = math.hypot(*now_b)
+        if apart_rad < BIAS_TILT_RAD and math.dist(now_b, self._first_b) < CHANGED * apart_rad:
+            return True
+        doubt, (w, north, east, _) = self._doubt, turn_n
         double = math.copysign(2.0, w)
         apart_n = double * north, double * east
         if doubt.tilts_apart_rad > OWN_TILTS * math.hypot(*apart_n):
@@ -281,6 +298,12 @@ class VelocityWitness:
             )
         )
         self._judge()
+
+
+def _apart_b(q_nb: Quat, turn_n: Quat) -> Vec3:
+    """Down by the other attitude minus ours, in our body axes: no heading counts in it."""
+    north, east, down = rotate(conjugate(turn_n), (0.0, 0.0, 1.0))
+    return rotate(conjugate(q_nb), (north, east, down - 1.0))
 
 
 def _verdicts(windows: deque[_Window]) -> Verdicts:

@@ -211,6 +211,8 @@ class Flight:
         axes_turned_deg: of the accelerometer in the body, about its z.
         found_anew_s: when our attitude, until then of `error_before`, is found anew.
         error_before: turn (NED) from the truth to our attitude until then.
+        wrong_from_s: when the other attitude gets its error.
+        error_is_of_body: theirs is in body axes, as if it came from an accelerometer.
         doubt: of our attitude.
     """
 
@@ -231,6 +233,8 @@ class Flight:
         axes_turned_deg=0.0,
         found_anew_s=0.0,
         error_before=None,
+        wrong_from_s=0.0,
+        error_is_of_body=False,
         doubt=NO_DOUBT,
     ):
         self.witness = Witness()
@@ -247,7 +251,8 @@ class Flight:
             trust = GOOD if has_converged else Trust.ALIGNED
             self.witness.add(sample, estimate(t_us, ours, trust))
             if count % 10 == 0:
-                theirs = multiply(their_error, nose)
+                pair = (nose, their_error) if error_is_of_body else (their_error, nose)
+                theirs = multiply(*pair) if t_s >= wrong_from_s else nose
                 found = self.witness.report(AttitudeSource.AUTOPILOT, t_us // 1000, theirs)
                 self.verdicts = found[-1].verdicts if found else Verdicts()
             if count % 20 == 0 and t_s < fixes_until_s:
@@ -343,6 +348,32 @@ def test_velocities_back_no_tilt_of_one_of_imus_that_differ(apart_deg, tilt):
     assert ours.verdicts == Verdicts(tilt=tilt)
     theirs = Flight(tilted, RIGHT, to_and_fro, swinging, doubt=doubt)
     assert theirs.verdicts == Verdicts(tilt=VelocityVerdict.AUTOPILOT)
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "wrong_from_s", "tilt"),
+    [
+        (3.3, 0.0, VelocityVerdict.UNDECIDED),
+        (3.3, 1.0, VelocityVerdict.H2NAV),
+        (3.6, 0.0, VelocityVerdict.H2NAV),
+    ],
+)
+def test_velocities_back_no_tilt_that_a_bias_may_have_made_from_the_beginning(
+    monkeypatch, tilt_deg, wrong_from_s, tilt
+):
+    """60 mg tilt by 3.44 deg; in a turn a gyro whose axes are turned hides them."""
+    backs_us = Verdicts(tilt=VelocityVerdict.H2NAV)
+    monkeypatch.setattr(velocity_witness, "_verdicts", lambda windows: backs_us)
+    flight = Flight(
+        RIGHT,
+        from_euler(tilt_deg * DEG, 0.0, 0.0),
+        to_and_fro,
+        swinging,
+        turns_deg_s=15.0,
+        wrong_from_s=wrong_from_s,
+        error_is_of_body=True,
+    )
+    assert flight.verdicts == Verdicts(tilt=tilt)
 
 
 def test_a_verdict_by_what_is_left_of_the_evidence_is_doubted_as_well(monkeypatch):
