@@ -108,6 +108,7 @@ class ImuWindow(NamedTuple):
     centre_us: float
     samples: int
     means: dict[InertialSensor, _Mean]
+    fields: tuple[Vec3 | None, ...]  # of its samples; None without a new one
 
 
 def _mean_of(values: Sequence[Vec3]) -> _Mean:
@@ -149,7 +150,7 @@ class ImuWindows:
     def _close(self) -> bool:
         if self.number is None or len(self.samples) < MIN_SAMPLES:
             return False
-        times_us, rates, forces, _, clipped = zip(*self.samples, strict=True)
+        times_us, rates, forces, fields, clipped = zip(*self.samples, strict=True)
         if any(clipped):
             return False
         samples = len(times_us)
@@ -157,7 +158,7 @@ class ImuWindows:
             InertialSensor.GYRO: _mean_of(rates),
             InertialSensor.ACCELEROMETER: _mean_of(forces),
         }
-        self.closed = ImuWindow(self.number, sum(times_us) / samples, samples, means)
+        self.closed = ImuWindow(self.number, sum(times_us) / samples, samples, means, fields)
         return True
 
 

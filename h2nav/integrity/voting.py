@@ -1,7 +1,7 @@
 """Says which of several IMUs' sensors is wrong by comparing them directly, without any attitude.
 
 Of three, the one that both others contradict (`sensor_pairs`) is named; of two, the one whose
-attitude contradicts velocity or field.
+attitude contradicts velocity or field, or the gyro that turns as no field does (`turn_witness`).
 """
 
 from collections.abc import Collection, Mapping
@@ -16,10 +16,12 @@ from h2nav.integrity.sensor_pairs import (
     SOUND,
     VOTING_WINDOW_US,
     FailedComparison,
+    ImuWindow,
     ImuWindows,
     InertialSensor,
     SensorPair,
 )
+from h2nav.integrity.turn_witness import TurnWitness
 from h2nav.maths.units import DEG
 from h2nav.maths.vectors import ZERO, square
 
@@ -46,6 +48,7 @@ class Suspicion(NamedTuple):
 
     ratios: InnovationRatios = UNTESTED
     force_is_wrong: bool = False  # by its size, see `force_size`
+    gyro_zero: Vec3 | None = None  # as estimated, rad/s
 
     @property
     def of_velocity(self) -> Ratios:
@@ -79,6 +82,7 @@ class Voting:
         self._excluded: frozenset[tuple[InertialSensor, int]] = frozenset()
         self._wrong: dict[tuple[InertialSensor, int], int] = {}  # and when it was named
         self._names: dict[tuple[InertialSensor, int], Alarm] = {}
+        self._turns: dict[tuple[int, int], TurnWitness] = {}  # of gyros that differ
         # of two: the one whose attitude is contradicted, and since when
         self._shown: dict[tuple[InertialSensor, int, int], tuple[int, int]] = {}
         self._verdicts: dict[int, Verdict] = {}  # since the last window that was closed
@@ -114,6 +118,17 @@ class Voting:
                 pair.fade(t_us)  # what a faulty one differs by is not to be learnt
             else:
                 pair.compare(t_us, one.closed, other.closed)
+                if part is InertialSensor.GYRO and (i, j) in self._turns:
+                    self._witness((i, j), one.closed, other.closed)
+
+    def _witness(self, numbers: tuple[int, int], one: ImuWindow, other: ImuWindow) -> None:
+        """Lets the field see two gyros as long as they differ."""
+        if self._pairs[InertialSensor.GYRO, *numbers].raised_us is None:
+            del self._turns[numbers]
+            return
+        fields = [field for field in (*other.fields, *one.fields) if field is not None]
+        rates = (window.means[InertialSensor.GYRO].value for window in (one, other))
+        self._turns[numbers].take(one.number, *rates, fields[-1] if fields else None)
 
     def agree(self, part: InertialSensor, one: int, other: int) -> bool:
         """Whether two of them show the same; True if they have not been compared."""
@@ -175,12 +190,25 @@ class Voting:
         for number in sorted({each for pair in pairs for each in pair}):
             if (part, number) not in self._wrong and self._is_outvoted(part, pairs, number):
                 self._wrong[part, number] = self._t_us
+        if part is InertialSensor.GYRO:
+            self._call_witnesses(pairs, suspicions)
         for (i, j), pair in pairs.items():
             is_open = not self._wrong.keys() & {(part, i), (part, j)}
             if is_open and pair.differs(self._t_us):
                 wrong = self._one_of_two(part, (i, j), pair, suspicions)
                 if wrong is not None:
                     self._wrong[part, wrong] = self._t_us
+
+    def _call_witnesses(
+        self, pairs: Mapping[tuple[int, int], SensorPair], suspicions: Mapping[int, Suspicion]
+    ) -> None:
+        """A witness for each pair of gyros that differ, with their zeros from before that."""
+        for numbers, pair in pairs.items():
+            if pair.raised_us is None or numbers in self._turns:
+                continue
+            first, second = (suspicions.get(n, Suspicion()).gyro_zero for n in numbers)
+            if first is not None and second is not None:
+                self._turns[numbers] = TurnWitness(first, second)
 
     def _is_outvoted(
         self, part: InertialSensor, pairs: Mapping[tuple[int, int], SensorPair], number: int
@@ -214,6 +242,8 @@ class Voting:
         of = [suspicions.get(number, Suspicion()) for number in numbers]
         if part is InertialSensor.GYRO:
             worse = _worse(of[0].of_turn, of[1].of_turn)
+            if worse is None and numbers in self._turns:
+                worse = self._turns[numbers].wrong
             if worse is None and self._has_agreed(InertialSensor.ACCELEROMETER, numbers):
                 worse = _worse(of[0].of_velocity, of[1].of_velocity)
         else:

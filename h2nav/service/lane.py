@@ -285,7 +285,8 @@ class Lane:
     @property
     def suspicion(self) -> Suspicion:
         """What contradicts its attitude."""
-        return Suspicion(self.monitor.ratios, self.monitor.force_error is not None)
+        zero = None if self.estimate is None else self.estimate.bias_b
+        return Suspicion(self.monitor.ratios, self.monitor.force_error is not None, zero)
 
     @property
     def _worst_ratios(self) -> "_Rated":

@@ -13,6 +13,7 @@ from h2nav.integrity.findings import Kind
 from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_pairs import HEARING_US, InertialSensor
 from h2nav.integrity.voting import Suspicion, Voting
+from h2nav.maths.quaternion import IDENTITY, conjugate, rotate, turned
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 NOBODY = frozenset()
@@ -302,6 +303,49 @@ def test_of_two_that_differ_neither_is_named_and_the_attitude_is_doubted():
     assert not alarm.is_decided
     assert voting.verdict(0).open_rad > 10.0 * DEG
     assert voting.verdict(0).wrong == voting.verdict(1).wrong == NOBODY
+
+
+class Compass(Imu):
+    """An IMU with a compass, whose field is fixed in space."""
+
+    def sample(self, t_s):
+        while self._turned_s < t_s:
+            self._q_nb = turned(self._q_nb, tuple(0.005 * w for w in rate(self._turned_s)))
+            self._turned_s += 0.005
+        field_ut = rotate(conjugate(self._q_nb), (20.0, 1.0, 42.0))
+        return super().sample(t_s)._replace(m_b_ut=add(field_ut, (1.0, -1.0, 0.5)))
+
+    def __post_init__(self):
+        super().__post_init__()
+        self._q_nb, self._turned_s = IDENTITY, FAULT_S - 10.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind"),
+    [(scaled(1.15), Kind.GYRO_SCALE), (off(0.0, 0.0, 5.0 * DEG), Kind.GYRO_BIAS_STEP)],
+)
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_of_two_gyros_the_one_that_turns_as_no_field_does_is_named(fault, kind, wrong):
+    """The only compass stands beside the wrong one."""
+    imus = [Compass(1, gyro_fault=fault), Imu(2)]
+    known = dict.fromkeys((0, 1), Suspicion(gyro_zero=(0.0, 0.0, 0.0)))
+    told, voting = fly(imus[:: 1 - 2 * wrong], FAULT_S + 20.0, known, begin_s=FAULT_S - 10.0)
+    (_, first), (_, second) = told
+    assert (first.kind, first.is_decided) == (Kind.GYRO_APART, False)
+    assert (second.kind, second.sensor.numbers) == (kind, (wrong + 1,))
+    assert voting.verdict(wrong).wrong == {InertialSensor.GYRO}
+
+
+def test_a_field_has_seen_nothing_of_a_difference_that_is_past():
+    """What it saw of the first gyro, which is sound again, says nothing of the second."""
+    imus = [
+        Compass(1, gyro_fault=lambda w, t_s: scaled(1.15 if t_s < FAULT_S + 15.0 else 1.0)(w, t_s)),
+        Imu(2, gyro_fault=lambda w, t_s: scaled(1.15 if t_s > FAULT_S + 40.0 else 1.0)(w, t_s)),
+    ]
+    known = dict.fromkeys((0, 1), Suspicion(gyro_zero=(0.0, 0.0, 0.0)))
+    told, _ = fly(imus, FAULT_S + 60.0, known, begin_s=FAULT_S - 10.0)
+    named = [(alarm.kind, alarm.sensor.numbers) for _, alarm in told if alarm.is_decided]
+    assert named == [(Kind.GYRO_SCALE, (1,)), (Kind.GYRO_SCALE, (2,))]
 
 
 def test_of_two_of_which_one_is_heard_no_more_the_other_is_not_accused_and_the_doubt_fades():
