@@ -127,8 +127,9 @@ class Voting:
             del self._turns[numbers]
             return
         fields = [field for field in (*other.fields, *one.fields) if field is not None]
-        rates = (window.means[InertialSensor.GYRO].value for window in (one, other))
-        self._turns[numbers].take(one.number, *rates, fields[-1] if fields else None)
+        first, second = (window.means[InertialSensor.GYRO].value for window in (one, other))
+        field = fields[-1] if fields else None
+        self._turns[numbers].take(one.number, first, second, field)
 
     def agree(self, part: InertialSensor, one: int, other: int) -> bool:
         """Whether two of them show the same; True if they have not been compared."""
