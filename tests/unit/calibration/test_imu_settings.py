@@ -78,3 +78,54 @@ def test_px4_finds_the_sensor_by_its_id():
 )
 def test_what_is_not_known_has_a_reason(parameters, track, kind, why):
     assert why in found(parameters, track, kind=kind)
+
+
+@pytest.mark.parametrize(
+    ("scale", "is_known"), [(0.79, False), (0.8, True), (1.2, True), (1.21, False), (np.nan, False)]
+)
+def test_a_scale_beyond_a_fifth_is_no_calibration(scale, is_known):
+    settings = found(ARDUPILOT | {"INS_ACCSCAL_Z": scale})
+    if is_known:
+        assert settings.scale[2] == scale
+    else:
+        assert settings == (
+            "the parameters INS_ACCOFFS_* are not known, or it was never calibrated"
+        )
+
+
+def test_each_imu_of_ardupilot_has_a_number_from_the_second_on():
+    own = {name.replace("ACC", "ACC3").replace("GYR", "GYR3"): v for name, v in ARDUPILOT.items()}
+    third = TRACK._replace(imu=2)
+    settings = found(own, third)
+    assert (settings.device, settings.offset_name) == ("2621706", "INS_ACC3OFFS_%s")
+    assert settings.scale_name == "INS_ACC3SCAL_%s"
+    gyro = found(own, third, is_gyro=True)
+    assert gyro.device == ""
+    assert gyro.offset == pytest.approx((0.01, 0.02, -0.03))
+    assert gyro.scale.tolist() == [1.0, 1.0, 1.0]
+    assert "INS_ACCOFFS_*" in found(own, TRACK)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "board", "says"),
+    [(37.0, 0.0, ""), (38.0, 0.0, "ROT 38"), (-1.0, 37.0, ""), (-1.0, 38.0, "ROT 38")],
+)
+def test_px4_has_38_rotations(rotation, board, says):
+    own = PX4 | {"CAL_ACC1_ROT": rotation, "SENS_BOARD_ROT": board}
+    track = TRACK._replace(source="sensor_combined", device_ids=(2949146, 7))
+    settings = found(own, track, kind="ulog")
+    if says:
+        assert settings == f"CAL_ACC1_{says} is not known here"
+    else:
+        assert settings.device == "2949146"
+
+
+def test_a_gyro_of_px4_is_found_by_its_own_id():
+    own = {f"CAL_GYRO3_{k}OFF": v for k, v in zip("XYZ", (0.1, 0.2, 0.3), strict=True)}
+    own |= {"CAL_GYRO3_ID": 7.0, "CAL_ACC0_ID": 7.0, "CAL_ACC1_ID": 2949146.0}
+    track = TRACK._replace(source="sensor_combined", device_ids=(2949146, 7))
+    settings = found(own, track, kind="ulog", is_gyro=True)
+    assert (settings.offset_name, settings.scale_name) == ("CAL_GYRO3_%sOFF", "")
+    assert settings.offset == pytest.approx((0.1, 0.2, 0.3))
+    nobody = track._replace(device_ids=(2949146, 0))
+    assert "identify" in found(own | {"CAL_GYRO3_ID": 0.0}, nobody, kind="ulog", is_gyro=True)
