@@ -183,9 +183,9 @@ class AttitudeFilter:
             given_s = np.asarray(t_s, dtype=np.float64)
             if given_s.shape != (count,) or not np.isfinite(given_s).all():
                 raise ValueError(f"t_s needs the shape ({count},) and finite times")
-            if self._origin_s is None:
-                self._origin_s = float(given_s[0]) - self._next_us * 1e-6 if count else 0.0
-            times_us = (given_s - self._origin_s) * 1e6
+            if self._origin_s is None and count:
+                self._origin_s = float(given_s[0]) - self._next_us * 1e-6
+            times_us = (given_s - (self._origin_s or 0.0)) * 1e6
         if count:
             self._next_us = float(times_us[-1]) + self._period_us
         found: npt.NDArray[np.int64] = np.round(times_us).astype(np.int64)

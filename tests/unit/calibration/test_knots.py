@@ -155,3 +155,16 @@ def test_any_number_of_knots_is_solved(count: int):
         whole.product(own, swing), (whole.own_gradient, whole.gradient), strict=True
     ):
         np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_knots_lie_evenly_over_each_flight_with_the_row_behind_each():
+    """Ten seconds apart at most, two at least, also of a flight of one row."""
+    flights = np.array([0] * 6 + [1])
+    t_s = np.array([0.0, 1.0, 9.0, 12.0, 20.0, 24.0, 5.0])
+    knots = Knots.of(flights, t_s, 10.0)
+    assert knots.begins.tolist() == [True, False, False, False, True, False]
+    assert knots.step_s == pytest.approx([8.0] * 4 + [1e-3] * 2)
+    assert knots.row.tolist() == [0, 2, 4, 5, 6, 6]
+    assert knots.place.tolist() == [0, 0, 1, 1, 2, 2, 4]
+    assert knots.share == pytest.approx([0.0, 0.125, 0.125, 0.5, 0.5, 1.0, 0.0])
+    assert knots.number == 6

@@ -74,7 +74,9 @@ def test_an_offset_that_stepped_in_flight_is_none():
 
 
 def test_delay_and_antenna_of_a_receiver():
-    changes = changes_of(calibrate_receiver(flown(), 0))
+    outcome = calibrate_receiver(flown(), 0)
+    changes = changes_of(outcome)
+    assert outcome.shown.startswith("changes of velocity in ")
     assert changes["GPS1_DELAY_MS"].new == pytest.approx(1e3 * DELAY_S, abs=10.0)
     for axis, true in zip("XY", ANTENNA_M, strict=False):
         change = changes[f"GPS1_POS_{axis}"]

@@ -1,13 +1,16 @@
 """Figures of a campaign: what counts as how bad, and what is said of a fault and by when."""
 
+from array import array
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 
 from h2nav.evaluation.campaign import blame, scores
 from h2nav.evaluation.campaign import summary as figures
 from h2nav.evaluation.campaign.blame import Told
+from h2nav.evaluation.campaign.draw import Draw, FlightDraw, ImuDraw
 from h2nav.evaluation.campaign.shown import ShownBySensors
 from h2nav.evaluation.campaign.summary import badness, summary, table, worst
 from h2nav.integrity.findings import Finding, Sensor, Severity
@@ -346,3 +349,18 @@ def test_deviations_are_judged_after_two_minutes_where_no_fault_acts():
     found = scores._honesty(t_s, error, np.zeros(4), rows, calm)
     assert found["nees_heading"] == pytest.approx(1.0)
     assert found["nees_tilt"] == 0.0
+
+
+def test_a_flight_without_estimates_has_a_head_alone():
+    draw = Draw(7, flight=FlightDraw(vehicle="plane", length_min=3.0), imu=ImuDraw(2, 50.0))
+    heard = scores.HeardDraw(array("q"), array("d"), (), {}, 3, 1.2345)
+    found = scores._head(draw, heard)
+    assert read_back(found.pop("draw")) == 7
+    assert found == {
+        "seed": 7, "vehicle": "plane", "length_s": 180.0, "imus": 2, "rate_hz": 50.0,
+        "cpu_s": 1.23, "handler_errors": 3,
+    }  # fmt: skip
+
+
+def read_back(text):
+    return yaml.safe_load(text)["seed"]

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from h2nav.evaluation.campaign import effects
 from h2nav.evaluation.campaign.draw import VEHICLES, Draw, FlightDraw
 from h2nav.evaluation.campaign.effects import without
-from h2nav.evaluation.campaign.motion import DrawnMotion, attitude_rows
+from h2nav.evaluation.campaign.motion import DrawnMotion, _Plan, attitude_rows
 from h2nav.evaluation.campaign.splines import UniformSpline, smoothed
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.sim.faults import parse_fault
@@ -170,3 +170,30 @@ def test_a_draw_without_a_fault_has_the_others():
     faults = ("gyro-bias=5@20+30", "gps-lost@50+10", "gyro-bias=5@20+31")
     found = without(Draw(1, faults=faults), parse_fault("gyro-bias=5@20+30"))
     assert found == Draw(1, faults=faults[1:])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_of_a_flight_last_from_twenty_to_ninety_seconds(seed):
+    """Control points are half a second apart; two parts in a row may be alike."""
+    flight = FlightDraw(length_min=60.0, brisk_share=0.5, manoeuvre_m_s2=3.0)
+    plan = _Plan(Draw(seed, flight=flight), 20.0, 3590.0, np.random.default_rng(seed))
+    changes = np.flatnonzero(np.diff(plan._parts))
+    assert np.diff(changes).min() >= 40
+    assert np.diff(changes).min() < 180
+    assert set(np.round(plan._parts, 9)) == {3.0, 0.3}
+    share = np.mean(plan._parts == 3.0)
+    assert share == pytest.approx(0.5, abs=0.25)
+
+
+@pytest.mark.parametrize("correlated_s", [1.0, 4.0])
+def test_gusts_have_the_deviation_of_one_and_forget_themselves(correlated_s):
+    flight = FlightDraw(length_min=120.0)
+    plan = _Plan(Draw(1, flight=flight), 20.0, 7190.0, np.random.default_rng(1))
+    values = plan._wandering(3, correlated_s)
+    assert values.std() == pytest.approx(1.0, abs=0.05)
+    kept = np.mean(values[1:] * values[:-1])
+    assert kept == pytest.approx(np.exp(-0.5 / correlated_s), abs=0.05)
+    held = plan._held(5.0, 20.0)
+    assert np.abs(held).max() <= 1.0
+    lengths = np.diff(np.flatnonzero(np.diff(held)))
+    assert (lengths.min(), lengths.max()) == (10, 39)

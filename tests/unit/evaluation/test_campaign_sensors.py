@@ -20,7 +20,7 @@ from h2nav.evaluation.campaign.draw import (
 from h2nav.evaluation.campaign.receiver import fixes_of
 from h2nav.evaluation.campaign.sensors import DrawnReadings, accelerometer, acts, compass, gyro
 from h2nav.maths.units import DEG, GRAVITY_M_S2
-from h2nav.sim.faults import parse_fault
+from h2nav.sim.faults import FaultSchedule, parse_fault
 
 T_S = np.array([0.0, 30.0, 60.0, 600.0])
 RATE_RAD_S, FORCE_M_S2 = np.array((0.3, -0.2, 0.1)), np.array((1.0, 2.0, -GRAVITY_M_S2))
@@ -261,3 +261,39 @@ def test_outages_last_as_long_as_they_are_drawn_and_come_after_the_rest():
         assert all(length >= 19 for length in (ends - starts)[ends < len(found.t_s)])
     expected = 1.0 - math.exp(-180.0 / 3600.0 * 4.0 * found.t_s[-1] / (found.t_s[-1] - 20.0))
     assert np.mean(shares) == pytest.approx(expected, rel=0.3)
+
+
+def test_an_int16_of_milli_g_ends_at_32_g():
+    found = read([(0.0, 0.0, 0.0)] * 2)._replace(f_b=MILLI_G * np.array([(4e4, -4e4, 3e4)] * 2))
+    sent = sensors._as_sent(found, Draw(1, imu=ImuDraw(form="integers")))
+    assert sent.f_b[0] / MILLI_G == pytest.approx((32_767.0, -32_767.0, 30_000.0))
+    # without counts it ends at a hundred g
+    far = found._replace(f_b=MILLI_G * np.array([(1.1e5, -1.1e5, 9e4)] * 2))
+    sent = sensors._as_sent(far, Draw(1, imu=ImuDraw(form="floats")))
+    assert sent.f_b[0] / MILLI_G == pytest.approx((1e5, -1e5, 9e4))
+    assert sent.clipped.all()
+
+
+def test_propellers_shake_a_vehicle_that_flies_alone():
+    t_s = np.arange(0.0, 20.0, 0.001)
+    moves = t_s >= 10.0
+    found = sensors._vibration(t_s, moves, 3.0, np.random.default_rng(1))
+    assert not found[~moves].any()
+    assert np.abs(found).max(axis=0) == pytest.approx(3.0, rel=0.01)
+    spectrum = np.abs(np.fft.rfft(found[moves], axis=0))
+    lines_hz = np.fft.rfftfreq(int(moves.sum()), 0.001)[spectrum.argmax(axis=0)]
+    assert lines_hz == pytest.approx((87.0, 113.0, 71.0), abs=0.2)
+
+
+def test_a_fault_changes_the_rows_in_which_it_acts_and_a_field_only_where_it_is_new():
+    rows = np.zeros((4, 3))
+    fields = np.array([(20.0, 0.0, 40.0), (np.nan,) * 3, (21.0, 0.0, 40.0), (22.0, 0.0, 40.0)])
+    t_s = np.array((0.0, 1.0, 2.0, 3.0))
+    found = read(rows, fields)._replace(t_s=t_s)
+    faults = [parse_fault("gyro-bias=5@1+2"), parse_fault("hard-iron=30@1+2")]
+    sent = sensors._with_faults(found, FaultSchedule(faults))
+    assert sent.w_b[:, 0] / DEG == pytest.approx((0.0, 5.0, 5.0, 0.0))
+    assert np.isnan(sent.m_b_ut[1]).all()
+    changed = np.linalg.norm(sent.m_b_ut - fields, axis=1)
+    assert changed[[0, 3]] == pytest.approx((0.0, 0.0))
+    assert changed[2] == pytest.approx(30.0, rel=0.01)

@@ -201,3 +201,26 @@ def test_a_trial_says_what_its_errors_mean():
 def test_a_recording_without_two_samples_is_refused():
     with pytest.raises(BadInput, match=r"a/flight\.tlog: no IMU samples of a known"):
         recorded(stretch(1), rows=())
+
+
+# --- the paper's filter on a trial ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_the_papers_filter_takes_sensors_whose_z_points_up_or_down(up):
+    """It keeps what it starts from, and where it has lost itself it says level and north."""
+    count = 4
+    f_s = np.tile((0.0, 0.0, 9.8 * up), (count, 1))
+    m_s = np.tile((20.0, 0.0, -43.0 * up), (count, 1))
+    own = trial(f_s=f_s, m_s=m_s, w_s=np.zeros((count, 3)))
+    track = filters.run_paper(own, Conditions("multirotor"))
+    nose_east = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    right_down = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
+    expected = nose_east if up > 0.0 else right_down
+    assert np.abs(track.q_es @ expected) == pytest.approx(1.0, abs=1e-6)
+    assert (track.backend, len(track.q_es)) == ("python", count)
+    lost = own._replace(w_s=np.full((count, 3), np.nan))
+    found = filters.run_paper(lost, Conditions("multirotor"))
+    assert np.abs(found.q_es[2:] @ expected) == pytest.approx(1.0, abs=1e-6)
+    with pytest.raises(TaskFailed, match="t: the paper's filter needs a magnetometer"):
+        filters.run_paper(own._replace(m_s=None), Conditions("multirotor"))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from h2nav.evaluation.paper import tables, trials
+from h2nav.evaluation.paper.filter import Weights, linearised_plant
 from h2nav.evaluation.paper.tables import SLIDES, PaperComparison, PaperRow, comparisons
 from h2nav.evaluation.paper.trials import CASES, Assumptions, Case, errors_deg, make_trials
 from h2nav.maths.units import DEG, GRAVITY_M_S2
@@ -188,3 +189,13 @@ def test_seeds_are_shared_out_and_gathered_again(monkeypatch):
     assert [seeds for key, seeds in asked if key == "case_1"] == [
         list(range(25)), list(range(25, 50)), list(range(50, 60)),
     ]  # fmt: skip
+
+
+def test_the_slides_weigh_all_noises_alike():
+    assert Weights() == (1.0, 1.0, 1.0, 1.0)
+    vectors = Assumptions().vectors
+    unit = linearised_plant(vectors, Weights())
+    heavy = linearised_plant(vectors, Weights(2.0, 3.0, 5.0, 7.0))
+    assert np.diag(unit.B_w @ unit.B_w.T) == pytest.approx([1.0] * 6)
+    assert np.diag(heavy.B_w @ heavy.B_w.T) == pytest.approx([4.0] * 3 + [9.0] * 3)
+    assert np.diag(heavy.D_w @ heavy.D_w.T) == pytest.approx([25.0] * 3 + [49.0] * 3)

@@ -183,3 +183,17 @@ def test_importing_the_package_loads_no_numpy() -> None:
     code = "import h2nav, sys; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     assert set(h2nav.__all__) <= set(dir(h2nav)) | set(h2nav._PLACES)
+
+
+def test_an_array_without_samples_changes_no_clock():
+    """Whatever the epoch of the times that follow."""
+    gyr, acc, mag = (column[:40] for column in rocking(40))
+
+    def flown(empty: int) -> np.ndarray:
+        chosen = AttitudeFilter(rate_hz=RATE_HZ)
+        chosen.batch(gyr, acc, mag)
+        for _ in range(empty):
+            chosen.batch(gyr[:0], acc[:0], mag[:0], t_s=[])
+        return chosen.batch(gyr, acc, mag, t_s=1.7e9 + np.arange(40) / RATE_HZ).q
+
+    assert np.array_equal(flown(1), flown(0))
