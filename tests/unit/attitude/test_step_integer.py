@@ -101,14 +101,14 @@ def test_a_long_sample_counts_by_the_square_of_its_parts(square, parts, counted)
 
 def test_a_force_jitters_by_its_second_differences():
     s = State()
-    for z in (0.0, 1.0, 2.0, 2.0):
+    for z in (0.0, 1.0, 2.0, 3.0, 3.0):
         note_force(s, sampled(accel=(0.5 * z, -0.25 * z, z)))
     bent = 0.5**2 + 0.25**2 + 1.0
     # one at the first sample and one at the last
     assert s.force_sum / G8**2 == pytest.approx(2.0 * bent, rel=1e-3)
-    assert s.accel_last[:] == [256, -128, 512]
+    assert s.accel_last[:] == [384, -192, 768]
     assert s.accel_step[:] == [0, 0, 0]
-    note_force(s, sampled(accel=(2.0, -0.5, 2.0), parts=2))
+    note_force(s, sampled(accel=(2.5, -0.75, 3.0), parts=2))
     assert s.accel_step[:] == [256, 0, 0]
     assert s.force_sum / G8**2 == pytest.approx(2.0 * bent + 4.0, rel=1e-3)
 
