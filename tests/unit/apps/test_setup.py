@@ -286,7 +286,6 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
     ("answer", "url"),
     [
         ("", "serial:/dev/ttyAMA0:921600"),
-        ("2", "tcp:127.0.0.1:5760"),
         (" 3 ", "udpin:0.0.0.0:14550"),
         ("0", None),
         ("4", None),
