@@ -1,6 +1,7 @@
 """The stamp on disk; a kill is a keeper that is left as it is, a restart a new one."""
 
 import shutil
+import threading
 
 import pytest
 from signing_peer import NOW_STAMP, Clock
@@ -172,3 +173,10 @@ def test_the_notices_name_file_trouble_and_remedy(tmp_path):
     assert is_error
     assert text.startswith(f"{told} cannot be read: invalid literal")
     assert text.endswith("; it starts from the host's clock, right or wrong")
+
+
+def test_a_disk_that_hangs_keeps_no_program_from_ending(tmp_path):
+    keeper = StampKeeper(tmp_path / "stamp", Clock())
+    (thread,) = (each for each in threading.enumerate() if each.name == "h2nav-signing")
+    assert thread.daemon
+    keeper.close()

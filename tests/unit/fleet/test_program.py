@@ -49,3 +49,12 @@ def test_what_was_compiled_and_where_it_lies_do_not(folder: Path, tmp_path: Path
 def test_our_own_program_has_one() -> None:
     assert len(program_digest()) == 32
     assert program_digest() == program_digest()
+
+
+def test_a_change_that_keeps_the_length_counts(folder: Path) -> None:
+    found = {digest(folder)}
+    for name in ("h2nav/cli.py", "rover.yaml"):
+        path = folder / name
+        path.write_text(path.read_text().replace("1", "2"))
+        found.add(digest(folder))
+    assert len(found) == 3
