@@ -153,3 +153,106 @@ def test_what_is_ignored_would_have_changed_no_sample(lends):
         own = Incoming(t_ns, SECOND, reading(START_MS + 10 * tick, RAW))
         assert heard.take(own, Need.SAMPLE) == alone.take(own, Need.SAMPLE)
     assert (heard.message, heard.has_lent) == (alone.message, alone.has_lent)
+
+
+ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+FOREVER_NS = 1 << 62
+S = 1_000_000_000
+
+
+def of_ardupilot(messages=(HIGHRES, RAW_IMU), count=100, used=HIGHRES):
+    """The first IMU's intake, of which one message has been in use for some samples, until 2 s."""
+    one = Intake(LaneMessages(0, messages), ARDUPILOT, lends=True)
+    for number in range(count):
+        time_us = 20_000_000 + 10_000 * number
+        t_ns = 2 * S - (count - 1 - number) * 10_000_000
+        one.take(Incoming(t_ns, used, reading(time_us, RAW)), Need.SAMPLE)
+    return one
+
+
+@pytest.mark.parametrize(
+    ("later_ns", "message_id", "need"),
+    [
+        (0, HIGHRES, Need.SAMPLE),
+        (0, RAW_IMU, Need.IDENTITY),
+        (200_000_000, RAW_IMU, Need.IDENTITY),
+        (200_000_001, RAW_IMU, Need.SAMPLE),  # the one in use is silent
+        (0, SCALED, Need.NONE),
+        (0, SECOND, Need.NONE),
+    ],
+)
+def test_what_a_message_is_needed_for(later_ns, message_id, need):
+    assert of_ardupilot().need(2 * S + later_ns, message_id) is need
+
+
+def test_whose_samples_come_is_looked_at_ten_times_a_second():
+    one = of_ardupilot()
+    incoming = Incoming(2 * S, RAW_IMU, reading(20_990_000, RAW))
+    assert one.take(incoming, one.need(2 * S, RAW_IMU)) == (None, None)
+    assert one.need(2 * S + 99_999_999, RAW_IMU) is Need.NONE
+    assert one.need(2 * S + 100_000_000, RAW_IMU) is Need.IDENTITY
+    assert one.idle_until_ns(RAW_IMU) == 2 * S + 100_000_000
+
+
+@pytest.mark.parametrize(
+    ("message_id", "need", "until_ns"),
+    [
+        (HIGHRES, Need.SAMPLE, FOREVER_NS),
+        (RAW_IMU, Need.SAMPLE, 0),
+        (RAW_IMU, Need.IDENTITY, 0),
+        (RAW_IMU, Need.NONE, 0),  # the next look is due
+        (SECOND, Need.NONE, FOREVER_NS),
+    ],
+)
+def test_how_long_an_answer_holds(message_id, need, until_ns):
+    assert of_ardupilot().needs_until_ns(message_id, need) == until_ns
+
+
+def test_before_the_first_sample_an_answer_holds_for_a_message_of_several_imus_alone():
+    one = Intake(LaneMessages(0, (HIGHRES, RAW_IMU)), ARDUPILOT, lends=True)
+    assert one.needs_until_ns(RAW_IMU, Need.SAMPLE) == 0
+    assert one.needs_until_ns(HIGHRES, Need.SAMPLE) == FOREVER_NS
+    assert one.idle_until_ns(HIGHRES) == 0
+    assert (one.message, one.is_left, one.has_lent, one.bias_is_removed) == (
+        None,
+        False,
+        False,
+        False,
+    )
+
+
+def test_an_imu_that_the_autopilot_has_left_is_known_by_the_number_of_another():
+    one = of_ardupilot(count=1, used=RAW_IMU)
+    assert not one.is_left
+    named = Incoming(2 * S, HIGHRES, reading(20_000_000, RAW, imu=1))
+    assert one.take(named, Need.SAMPLE) == (None, None)
+    assert one.message.message_id == RAW_IMU
+    assert one.is_left
+
+
+@pytest.mark.parametrize(("later_ns", "is_told"), [(4_999_999_999, True), (5_000_000_000, False)])
+def test_two_senders_are_told_for_five_seconds(later_ns, is_told):
+    one = intake()
+    for tick in range(20):
+        scaled(one, tick)
+        t_ns = tick * 10_000_000 + 5_000_000
+        one.take(Incoming(t_ns, SCALED, reading(900_000 + 10 * tick, RAW)), Need.SAMPLE)
+    told = one.objections(190_000_000 + later_ns)
+    expected = ("two senders", "two senders use the autopilot's identity")
+    assert told == ((expected,) if is_told else ())
+
+
+def test_a_time_that_is_refused_is_no_newest_one():
+    one = intake()
+    scaled(one, 0)
+    newest_us = one.newest_us
+    for time_ms, verdict in (
+        (START_MS, TimeVerdict.DUPLICATE),
+        (START_MS - 10, TimeVerdict.LATE),
+        (START_MS + 60_000, TimeVerdict.STRAY),
+    ):
+        found = one.take(Incoming(10_000_000, SCALED, reading(time_ms, RAW)), Need.SAMPLE)
+        assert found == (verdict, None)
+        assert one.newest_us == newest_us
+    one.restart()
+    assert one.newest_us is None
