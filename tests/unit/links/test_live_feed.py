@@ -183,3 +183,42 @@ def test_packets_stay_whole():
     for end in feed_sockets():
         with end:
             assert end.type == socket.SOCK_SEQPACKET
+
+
+@pytest.mark.parametrize(
+    ("later_ns", "is_kept"),
+    [(0, False), (99_999_999, False), (100_000_000, True), (-1, True)],
+)
+def test_a_fast_record_is_kept_once_in_a_tenth_of_a_second(ends, later_ns, is_kept):
+    feed, reader = ends
+    feed.record("/estimate", IMU, 9 * S)
+    feed.record("/imu", IMU, 9 * S)  # of another topic
+    feed.record("/estimate", IMU, 9 * S + later_ns)
+    feed.flush()
+    (packet,) = arrived(reader)
+    times = [entry.unix_ns for entry in packet if entry.topic == "/estimate"]
+    assert times == [9 * S, 9 * S + later_ns][: 1 + is_kept]
+
+
+def test_sixteen_words_are_heard_at_a_time(ends):
+    feed, reader = ends
+    for number in range(20):
+        reader.say(Word(number))
+    assert [word.port for word in feed.words()] == list(range(16))
+    assert [word.port for word in feed.words()] == list(range(16, 20))
+
+
+def test_a_viewer_that_has_gone_wants_nothing(ends):
+    feed, _ = ends
+    feed.want_all(True)
+    feed.record("/imu", IMU, 0)
+    feed.refused = 3
+    feed.end()
+    assert (feed.wants_all, feed.refused) == (False, 0)
+    ours, theirs = feed_sockets()
+    feed.begin(ours, GREETING)
+    reader = FeedReader(theirs)
+    reader.greeting()
+    feed.flush()  # what was queued for the former one is gone
+    assert arrived(reader) == []
+    theirs.close()
