@@ -110,3 +110,10 @@ def test_a_calibrated_field_of_the_sample_itself_counts_as_heard():
     assert field_at(source, 4 * S, HIGHRES, None) is None
     assert field_at(source, 9 * S) == RAW
     assert source.is_raw
+
+
+def test_a_field_that_waits_is_older_than_that_of_the_calibrated_message_itself():
+    source = FieldSource(PX4, lends=True)
+    source.take_field(0, RAW)
+    assert field_at(source, 1, HIGHRES, CALIBRATED) == CALIBRATED
+    assert field_at(source, 2) is None

@@ -806,3 +806,17 @@ def test_a_lane_may_be_right_unless_something_is_known_against_it(bench):
     bench.lane.use_votes(Verdict())
     bench.monitor.sensor_is_bad = True
     assert not bench.judged().may_be_right(bench.t_ns)
+
+
+def test_what_was_found_of_the_force_is_forgotten_when_it_begins_anew(bench):
+    bench.run()
+    found = SensorCorrection(ZERO, (0.0, 0.5, 0.0), ZERO, ZERO, (0.0, 0.0), 0.1, 0.1)
+    bench.monitor.doubt = SensorDoubt(correction=found)
+    bench.lane.use(fix())
+    bench.take()
+    assert bench.filter.named("update")[-1].f_b == pytest.approx((0.0, -0.5, DOWN[2]))
+    bench.lane.trust.require_restart()
+    bench.lane.begin_as(None)
+    bench.take()
+    assert bench.filter.named("update")[-1].f_b == DOWN
+    assert not bench.lane.trust.needs_restart
