@@ -653,3 +653,18 @@ def test_times_that_are_sent_only_increase(is_later):
     assert (found.take(10_000_000, RAW, second).sample is not None) is is_later
     assert found.used == 1 + is_later
     assert found.rejected == ({} if is_later else {"duplicate": 1})
+
+
+@pytest.mark.parametrize(("count", "is_read"), [(99, True), (100, False)])
+def test_of_an_imu_whose_messages_are_refused_a_hundred_times_nothing_is_read(count, is_read):
+    report = Notices(as_status_text=False).report
+    found = Estimation(lambda _: Level(), AutopilotSettings(lanes=2), BeforeArming(report))
+    found.begin(Identity(1, 1, ARDUPILOT, mavlink.MAV_TYPE_QUADROTOR))
+    for number in range(count):
+        assert found.on_arrival(number, SECOND)
+        found.refuse(number, SECOND, "zero_force")
+    assert found.on_arrival(count, SECOND) is is_read
+    assert list(found.useless_streams()) == ([] if is_read else [SECOND])
+    assert found.rejected == {}  # of an optional one
+    # It gets another chance after a minute.
+    assert found.on_arrival(99 + 60_000_000_000, SECOND)

@@ -117,3 +117,13 @@ def test_a_field_that_waits_is_older_than_that_of_the_calibrated_message_itself(
     source.take_field(0, RAW)
     assert field_at(source, 1, HIGHRES, CALIBRATED) == CALIBRATED
     assert field_at(source, 2) is None
+
+
+@pytest.mark.parametrize("lends", [True, False])
+def test_whether_a_field_is_the_raw_sensors_follows_from_its_message(lends):
+    source = FieldSource(PX4, lends=lends)
+    field_at(source, 0)
+    assert field_at(source, 9 * S) == RAW
+    assert source.is_raw
+    assert field_at(source, 9 * S + 1, HIGHRES, CALIBRATED) == CALIBRATED
+    assert not source.is_raw

@@ -152,6 +152,7 @@ def sent_at(times_us, rate_hz):
     ("times_us", "sent_us"),
     [
         # a period of 100 ms: a quarter of it early is now
+        ([0, 74_999, 75_000], [0, 75_000]),
         ([0, 74_999, 75_001], [0, 75_001]),
         # from then on by the period, not by when it was sent
         ([0, 75_001, 174_999, 175_001], [0, 75_001, 175_001]),

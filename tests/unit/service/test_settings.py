@@ -86,3 +86,10 @@ def test_a_delay_may_follow_the_autopilot(key):
 @pytest.mark.parametrize(("odometry_hz", "wheels_hz"), [(0.0, 20.0), (20.0, 20.0), (30.0, 30.0)])
 def test_wheels_are_read_at_twenty_hertz_at_least(odometry_hz, wheels_hz):
     assert MotionSettings(odometry_rate_hz=odometry_hz).wheel_distance_rate_hz == wheels_hz
+
+
+def test_every_default_may_be_written_down():
+    defaults = configuration.Configuration()
+    for section in ("autopilot", "output", "north", "aiding", "motion"):
+        written = {section: defaults.as_mapping()[section]}
+        assert configuration.build(written, "h2nav.yaml") == defaults
