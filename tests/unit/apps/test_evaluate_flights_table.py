@@ -155,3 +155,11 @@ def test_phases_and_pictures_are_those_of_the_command_line(flown, tmp_path):
     assert flown.tasks[0].plots == tmp_path / "new" / "pictures"
     assert flown.tasks[0].plots.is_dir()
     assert flown.required == [("plots", "--plots", "matplotlib.pyplot")]
+
+
+@pytest.mark.parametrize("text", ["climb", "=1-2", "climb=2-1", "climb=a-b"])
+def test_a_phase_of_another_form_is_a_wrong_word(flown, capsys, text):
+    with pytest.raises(SystemExit) as ended:
+        flown.run("--phase", text)
+    assert ended.value.code == BAD_INPUT
+    assert f"argument --phase: expected NAME=FROM-TO, found {text}" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import json
 import os
 import socket
+from types import SimpleNamespace
 
 import pytest
 from one_command import main
@@ -186,3 +187,40 @@ def test_with_a_key_every_frame_is_signed(ground, tmp_path):
     frames = Deframer().feed(ground.recv(1000))
     assert frames
     assert all(frame.signed for frame in frames)
+
+
+@pytest.mark.parametrize("is_interrupted", [False, True])
+def test_it_waits_a_second_for_its_links_and_closes_them_whatever_happens(
+    monkeypatch, capsys, is_interrupted
+):
+    waits_s, calls = [], []
+
+    def link_of(url):
+        return SimpleNamespace(
+            url=url,
+            is_up=url == "up",
+            last_error="no such device",
+            maintain=lambda t_ns: calls.append(f"open {url}"),
+            close=lambda: calls.append(f"close {url}"),
+        )
+
+    def select(readers, _writers, _others, wait_s):
+        waits_s.append(wait_s)
+        return [], [], []
+
+    def switched_on(options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fake_autopilot, "open_server_link", link_of)
+    monkeypatch.setattr(fake_autopilot.select, "select", select)
+    if is_interrupted:
+        monkeypatch.setattr(fake_autopilot, "FakeAutopilot", switched_on)
+    words = ["--connect", "up", "--connect", "down", "--seconds", "0"]
+    status = main(["fake-autopilot", *words])
+    assert status == (INTERRUPTED if is_interrupted else SUCCESS)
+    assert sum(waits_s) == pytest.approx(1.0)
+    assert calls.count("open up") == calls.count("open down") == len(waits_s)
+    assert calls[-2:] == ["close up", "close down"]
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "h2nav: down is not open yet: no such device"
+    assert not any("up is not" in line for line in said)
