@@ -1,5 +1,6 @@
 """`h2nav evaluate campaign` with flights that cost nothing: which are flown, kept and told."""
 
+import functools
 import json
 
 import pytest
@@ -11,6 +12,8 @@ from h2nav.cli import BAD_INPUT, SUCCESS
 from h2nav.evaluation.campaign.draw import as_text, read_draw
 from h2nav.fleet import program
 
+READ = functools.cache(evaluate_campaign.read_distribution)
+
 
 class Campaign:
     """Flies draws without an attitude; `flown` has their seeds in the order of flight."""
@@ -18,6 +21,7 @@ class Campaign:
     def __init__(self, monkeypatch, folder):
         self.folder, self.flown, self.bad, self.digest = folder, [], set(), "this"
         monkeypatch.setattr(evaluate_campaign, "fly", self.fly)
+        monkeypatch.setattr(evaluate_campaign, "read_distribution", READ)
         monkeypatch.setattr(program, "program_digest", lambda: self.digest)
 
     def fly(self, draw):

@@ -102,7 +102,6 @@ def test_vectors_have_a_result_for_each_sample_and_the_memory_at_the_end(form):
     gains = image_of(form).gains
     found = form.vectors(gains)
     assert len(found.samples) == len(found.bits)
-    assert found == form.vectors(gains)
     assert len(set(found.bits)) > 1
     assert any(found.final)
 
