@@ -11,6 +11,7 @@ from h2nav.recordings.autopilot_log import (
     AutopilotLog,
     Recorded,
     Setting,
+    completed,
     has_enough_samples,
     imus_of,
     vehicle_name,
@@ -308,3 +309,50 @@ def test_an_imu_without_a_compass_carries_the_field_of_the_first():
     shown = [int(np.isfinite(track.m_b_ut[:, 0]).sum()) for track in tracks]
     carried = [int(np.isfinite(each.m_b_ut[:, 0]).sum()) for each in readings]
     assert (shown, carried) == ([1, 0], [1, 1])
+
+
+# --- what follows in every format -------------------------------------------------------------
+
+
+ARMED = (Span(1.0, 2.0, "armed"),)
+
+
+def whole(settings=(), armed=ARMED, lacks=None, **context):
+    log = DataflashRows(log_tables("TimeUS", X={"TimeUS": TIMES}))
+    return completed(Context(**context), log, tuple(settings), armed, lacks or {})
+
+
+def test_the_rest_of_a_context_follows_from_it():
+    found = whole(vehicle_type=2)
+    assert (found.vehicle, found.duration_s) == ("quadrotor", pytest.approx(0.99))
+    assert found.armed == ARMED
+    # Where nothing tells it, nothing counts as at rest.
+    assert whole(armed=None).armed == (Span(0.0, found.duration_s, "armed"),)
+
+
+@pytest.mark.parametrize(
+    ("given", "phrase"),
+    [
+        ({}, None),
+        ({"armed": None}, "no word of when the motors were armed"),
+        ({"lacks": {"no wings": True, "no tail": False}}, "no wings"),
+        ({"attitudes": ()}, "no autopilot's attitude to compare with"),
+    ],
+)
+def test_what_a_log_lacks_in_words(given, phrase):
+    track = AttitudeTrack("EKF3", np.zeros(1), np.array([(1.0, 0.0, 0.0, 0.0)]))
+    missing = whole(**{"attitudes": (track,), **given}).missing
+    of_sensors = what_sensors_lack(Context())
+    assert missing == (*of_sensors, *([phrase] if phrase else []))
+
+
+def test_parameters_that_changed_and_those_that_count_by_themselves():
+    values = [
+        ("A", 1.0, 0.0), ("STAT_RUNTIME", 1.0, 0.0), ("A", 1.0, 0.25), ("A", 2.0, 0.5),
+        ("STAT_RUNTIME", 2.0, 0.5), ("B", 7.0, 0.75), ("A", 1.0, 0.75),
+    ]  # fmt: skip
+    found = whole(Setting(START_US + round(1e6 * t_s), name, value) for name, value, t_s in values)
+    assert found.parameters == {"A": 1.0, "STAT_RUNTIME": 2.0, "B": 7.0}
+    assert [(round(t_s, 6), *rest) for t_s, *rest in found.changes] == [
+        (0.5, "A", 1.0, 2.0), (0.75, "A", 2.0, 1.0),
+    ]  # fmt: skip

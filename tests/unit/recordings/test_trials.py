@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from h2nav.errors import BadInput
-from h2nav.recordings.trials import read_trial, trial_paths
+from h2nav.recordings.trials import read_trial, trial_paths, usual_rate_hz
 
 
 def arrays(count: int = 20) -> dict[str, np.ndarray]:
@@ -110,6 +110,12 @@ def test_the_range_of_rates_is_inclusive(tmp_path: Path, rate_hz: float, is_read
     [
         ("heading_fixed", np.array([True, False]), "heading_fixed: expected one truth value"),
         ("gps", np.zeros((2, 3)), "gps: expected an array of shape (M, 4), found (2, 3)"),
+        ("mask", np.ones(19), "mask: expected numbers of shape (20,), found (19,)"),
+        ("t", np.arange(21.0), "t: expected numbers of shape (20,), found (21,)"),
+        ("mag", np.zeros((20, 4)), "mag: expected numbers of shape (20, 3), found (20, 4)"),
+        ("fs", np.array([50.0]), "fs: expected one rate in Hz, found shape (1,)"),
+        ("gyr", np.zeros((1, 3)), "gyr: expected at least 2 samples, found 1"),
+        ("t", np.arange(20.0) * 1e8, "t: expected finite times"),
         ("t", np.arange(20.0) * 1e-7, "t: expected finite times"),
         ("t", np.append(np.arange(19.0), np.nan), "t: expected finite times"),
     ],
@@ -147,3 +153,36 @@ def test_folders(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(BadInput, match="no trials in this folder"):
         trial_paths(tmp_path / "empty")
+
+
+def test_all_that_is_missing_is_told_at_once(tmp_path: Path) -> None:
+    path = write(tmp_path, gyr=None, acc=None, fs=None, q=None)
+    with pytest.raises(BadInput) as caught:
+        read_trial(path)
+    assert caught.value.lines == (
+        f"{path}: gyr: missing; the trial form needs it",
+        f"{path}: acc: missing; the trial form needs it",
+        f"{path}: fs: missing; give the rate in Hz, or the times t in s",
+        f"{path}: q: missing; without truth nothing can be scored",
+    )
+
+
+def test_a_truth_that_is_no_rotation_is_not_scored(tmp_path: Path) -> None:
+    lengths = np.ones(20)
+    lengths[[5, 6, 7]] = (0.0, 0.5, 0.51)
+    found = read_trial(write(tmp_path, q=arrays()["q"] * lengths[:, None], mask=np.ones(20)))
+    assert found.mask[5:8].tolist() == [False, False, True]
+    assert found.mask.sum() == 18
+
+
+@pytest.mark.parametrize(
+    ("steps_us", "rate_hz"),
+    [
+        ([10_000] * 9, 100.0),
+        ([10_000, 10_000, 11_000], 3e6 / 31_000),  # of whole milliseconds
+        ([10_000, 10_000, 15_000], 3e6 / 35_000),
+        ([10_000, 10_000, 15_001], 100.0),  # a gap
+    ],
+)
+def test_the_usual_rate_is_that_between_gaps(steps_us: list[int], rate_hz: float) -> None:
+    assert usual_rate_hz(np.cumsum([0, *steps_us])) == pytest.approx(rate_hz)
