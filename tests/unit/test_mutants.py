@@ -230,6 +230,20 @@ def test_a_test_that_fails_without_the_fault_is_no_judge(operators, trial, tree,
     ]
 
 
+def test_what_a_module_calls_at_import_is_left_to_a_process(tool):
+    source = b"""
+def row(a): return unit(a)
+def unit(a): return 2 * a
+def form(a): return unit(a) + other(a)
+def other(a): return a
+class Kept:
+    def method(self): return other(1)
+ROWS = {n: row(n) for n in (1, 2)}
+FORMS = (form,)
+"""
+    assert sys.modules["mutation.forks"].called_at_import(source) == {"row", "unit"}
+
+
 def test_every_equivalent_is_in_the_source(tool):
     """A row whose line is gone explains nothing any more."""
     gone = []

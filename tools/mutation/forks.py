@@ -7,6 +7,7 @@ a mutant changes get its code; what is worked out at import would need a new one
 process of its own (``elsewhere``).
 """
 
+import ast
 import contextlib
 import gc
 import json
@@ -180,12 +181,31 @@ def _swaps(
     if pairs is None:
         return None
     swaps: list[Swap] = []
+    at_import = called_at_import(sound)
     for old, new in pairs:
         own = functions.get(_place(old), [])
         if not own or any(each.__code__.co_freevars != new.co_freevars for each in own):
             return None
+        if old.co_qualname in at_import:  # what it has returned stays
+            return None
         swaps += [(each, new) for each in own]
     return swaps
+
+
+def called_at_import(source: bytes) -> frozenset[str]:
+    """The functions of a module that its own statements call, directly or through each other."""
+    body = ast.parse(source).body
+    functions = {each.name: each for each in body if isinstance(each, ast.FunctionDef)}
+    waiting = [each for each in body if not isinstance(each, ast.FunctionDef | ast.ClassDef)]
+    found: set[str] = set()
+    while waiting:
+        for node in ast.walk(waiting.pop()):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                name = node.func.id
+                if name in functions and name not in found:
+                    found.add(name)
+                    waiting.append(functions[name])
+    return frozenset(found)
 
 
 def _pairs(old: CodeType, new: CodeType) -> list[tuple[CodeType, CodeType]] | None:
