@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from h2nav import __version__
 from h2nav.errors import BadInput
-from h2nav.log.file import LATEST_NS, new_file
+from h2nav.log.file import new_file
 from h2nav.log.message_schema import field_units
 from h2nav.log.progress import Progress
 from h2nav.maths.units import MICROSECOND_NS
@@ -168,7 +168,7 @@ class _Ordered:
         """Adds the messages of one channel."""
         self._messages += messages
         channels = np.full(len(messages), channel)
-        self._keys.append(np.array([t_ns.clip(0, LATEST_NS >> 1), places, channels], np.int64))
+        self._keys.append(np.array([t_ns.clip(min=0), places, channels], np.int64))
 
     def in_order(self) -> Iterator[tuple[int, int, bytes]]:
         """Yields channel, time and message; at equal times in the order of the recording."""

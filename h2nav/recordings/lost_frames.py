@@ -39,8 +39,10 @@ class LostFrames:
     def share(self, system: int, component: int) -> float | None:
         """Lost frames of all that a sender sent; None if none came."""
         sender = system << 8 | component
-        came, lost = self._came.get(sender, 0), self._lost.get(sender, 0)
-        return lost / (came + lost) if came else None
+        if sender not in self._came:
+            return None
+        came, lost = self._came[sender], self._lost[sender]
+        return lost / (came + lost)
 
 
 def missing_share(stamps_ms: NDArray[np.int64]) -> float | None:

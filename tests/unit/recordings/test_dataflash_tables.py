@@ -1,5 +1,6 @@
 """Dataflash logs: value for value what pymavlink reads, and as far as a damaged one can be read."""
 
+import math
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,13 @@ from needs import shared_data
 from pymavlink.DFReader import DFReader_binary
 
 from h2nav.errors import BadInput
-from h2nav.recordings.dataflash_tables import FMT_BYTES, HEAD, is_dataflash, read_dataflash
+from h2nav.recordings.dataflash_tables import (
+    FMT_BYTES,
+    FMT_TYPE,
+    HEAD,
+    is_dataflash,
+    read_dataflash,
+)
 from h2nav.recordings.row_tables import LogTables
 
 ROWS = 200
@@ -159,6 +166,63 @@ def test_damage_never_raises_and_never_makes_rows(
 def test_what_is_no_log_has_no_messages(tmp_path: Path, data: bytes) -> None:
     assert not read(tmp_path, data).names
     assert not is_dataflash(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "notes"),
+    [
+        (b"", {}),
+        (b"\xa3", {"bytes that are no record": 1}),
+        (HEAD * 50, {"bytes that are no record": 100}),
+        (b"one, two\n" * 9, {"bytes that are no record": 81}),
+        (b"FMT, 1, 2, ABC, I, x\none\n", {"lines that are no record": 1}),
+        (b"FMT, 1, 2, ABC, a, x\nABC, 1\n", {}),  # there is no text of an array
+    ],
+)
+def test_what_is_no_record_is_counted_as_bytes_or_as_lines(
+    tmp_path: Path, data: bytes, notes: dict[str, int]
+) -> None:
+    assert read(tmp_path, data).notes == notes
+
+
+@pytest.mark.parametrize(
+    ("letters", "names", "length", "is_log"),
+    [
+        (b"IIf", b"a,b,c", 15, True),
+        (b"II", b"a,b", 11, False),  # as two columns chance may have it
+        (b"IIf", b"a,b", 15, False),
+        (b"IIf", b"a,b,b", 15, False),
+        (b"IIx", b"a,b,c", 15, False),
+        (b"IIf", b"a,b,c", 16, False),
+    ],
+)
+def test_a_definition_without_another_one_is_believed_where_all_of_it_agrees(
+    letters: bytes, names: bytes, length: int, is_log: bool
+) -> None:
+    texts = (b"ABC".ljust(4, b"\0"), letters.ljust(16, b"\0"), names.ljust(64, b"\0"))
+    definition = HEAD + bytes((FMT_TYPE, 77, length)) + b"".join(texts)
+    assert len(definition) == FMT_BYTES
+    assert is_dataflash(b"\xa3\x95\x80" + definition) is is_log
+
+
+@pytest.mark.parametrize(
+    ("letter", "text", "value"),
+    [
+        ("I", b"7", 7), ("I", b"-1e30", -(2**62)), ("q", b"1e30", 2**62), ("I", b"x", None),
+        ("f", b"nan", math.nan), ("f", b"x", math.nan), ("c", b"1.25", 1.25), ("c", b"x", None),
+        ("g", b"x", math.nan), ("d", b"x", math.nan), ("L", b"47.4", 47.4),
+    ],
+)  # fmt: skip
+def test_a_value_of_a_text(tmp_path: Path, letter: str, text: bytes, value: float | None) -> None:
+    data = b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
+    data += b"FMT, 1, 9, ABC, I%s, t,x\nABC, 1, %s\nABC, 2, 3\n" % (letter.encode(), text)
+    table = read(tmp_path, data).find("ABC")
+    assert table is not None
+    assert table.integers("t").tolist() == ([2] if value is None else [1, 2])
+    if value is not None:
+        np.testing.assert_array_equal(table.numbers("x")[0], value)
+        if letter in "Iq":
+            assert table.integers("x")[0] == value
 
 
 def test_a_text_says_the_same_as_the_binary(tmp_path: Path) -> None:
