@@ -51,8 +51,12 @@ def test_a_vehicle_by_its_version(text, vehicle_type):
     assert found.vehicle_type == found.context.vehicle_type == vehicle_type
     assert found.context.firmware == ("" if vehicle_type == 0 else text)
     assert ("no version of the firmware" in found.context.missing) == (vehicle_type == 0)
+
+
+def test_the_message_of_the_version_counts_more_than_texts():
     named = {"TimeUS": at(1.0), "FWS": np.array([b"ArduPlane V4.6"])}
-    assert context(MSG=texts((1.0, text)), VER=named).firmware == "ArduPlane V4.6"
+    found = contents(MSG=texts((1.0, "ArduSub V4")), VER=named, PARM=settings(CRUISE_SPEED=1.0))
+    assert (found.context.firmware, found.vehicle_type) == ("ArduPlane V4.6", 1)
 
 
 @pytest.mark.parametrize(
@@ -65,9 +69,6 @@ def test_a_vehicle_by_its_version(text, vehicle_type):
 )  # fmt: skip
 def test_a_vehicle_by_what_it_alone_can_set(parameter, vehicle_type):
     assert contents(PARM=settings(**{parameter: 1.0})).vehicle_type == vehicle_type
-    # The version counts more.
-    both = contents(PARM=settings(**{parameter: 1.0}), MSG=texts((1.0, "ArduSub V4")))
-    assert both.vehicle_type == 12
 
 
 @pytest.mark.parametrize(
@@ -271,22 +272,17 @@ def test_a_number_that_is_damaged_costs_its_batch_alone():
     assert [rows_of(one) for one in found] == [[0, 1], [3, 4, 5], [6, 7, 8]]
 
 
-@pytest.mark.parametrize(
-    ("head", "counts"),
-    [
-        ({"type": 0}, [96]),
-        ({"type": 2}, []),
-        ({"smp_cnt": 64}, [64]),
-        ({"smp_cnt": 63}, []),
-        ({"smp_cnt": 1000}, [96]),
-        ({"mul": 0.0}, []),
-        ({"mul": -10.0}, [96]),
-        ({"smp_rate": 0.0}, []),
-        ({"smp_rate": np.inf}, []),
-    ],
-)
-def test_a_batch_that_says_nothing_of_use_is_none(head, counts):
-    found = context(**batches([0], [0, 0, 0], **head)).bursts
-    assert [len(one.values) for one in found] == counts
-    if head == {"type": 0}:
-        assert found[0].sensor == "accelerometer"
+def test_a_batch_that_says_nothing_of_use_is_none():
+    head = {
+        "type": [0, 2, 1, 1, 1, 1, 1, 1, 1],
+        "smp_cnt": [96, 96, 64, 63, 1000, 96, 96, 96, 96],
+        "mul": [10.0, 10.0, 10.0, 10.0, 10.0, 0.0, -10.0, 10.0, 10.0],
+        "smp_rate": [1000.0] * 7 + [0.0, np.inf],
+    }
+    found = context(**batches([*range(9)], np.repeat(np.arange(9), 3), **head)).bursts
+    assert [(rows_of(one)[0], len(one.values)) for one in found if one.values[0, 0] >= 0] == [
+        (0, 96), (6, 64), (12, 96),
+    ]  # fmt: skip
+    assert [one.sensor for one in found] == ["accelerometer", "gyro", "gyro", "gyro"]
+    # A factor below zero turns the axes.
+    np.testing.assert_allclose(found[3].values[0], (-180.0, -180.1, -180.2))

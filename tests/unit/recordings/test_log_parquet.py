@@ -4,7 +4,6 @@ import json
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pytest
 from mcap.writer import Writer
 
 from h2nav.recordings.log_parquet import export_parquet
@@ -33,25 +32,27 @@ def exported(tmp_path, messages, properties=None):
     return pq.read_table(file.path), result
 
 
-@pytest.mark.parametrize(
-    ("name", "declared", "value", "kind", "stored", "unit"),
-    [
-        ("x_m", {"type": "number"}, 1.5, pa.float64(), 1.5, b"m"),
-        ("n", {"type": "integer"}, 2**53 + 1, pa.int64(), 2**53 + 1, None),
-        ("is_on", {"type": "boolean"}, True, pa.bool_(), True, None),
-        ("text", {"type": "string"}, "\u00e4", pa.string(), "\u00e4", None),
-        ("any", {"type": ["number", "null"]}, [1, None], pa.string(), "[1,null]", None),
-        ("any", {}, "x", pa.string(), '"x"', None),
-        ("x_m", {"type": "number"}, None, pa.float64(), None, b"m"),
-        ("any", {}, None, pa.string(), None, None),
-    ],
+# Name, schema and value of a field; type, stored value and unit of its column.
+FIELDS = (
+    ("x_m", {"type": "number"}, 1.5, pa.float64(), 1.5, b"m"),
+    ("n", {"type": "integer"}, 2**53 + 1, pa.int64(), 2**53 + 1, None),
+    ("is_on", {"type": "boolean"}, True, pa.bool_(), True, None),
+    ("text", {"type": "string"}, "\u00e4", pa.string(), "\u00e4", None),
+    ("list", {"type": ["number", "null"]}, [1, None], pa.string(), "[1,null]", None),
+    ("word", {}, "x", pa.string(), '"x"', None),
+    ("y_m", {"type": "number"}, None, pa.float64(), None, b"m"),
+    ("nothing", {}, None, pa.string(), None, None),
 )
-def test_a_value_has_the_type_of_its_schema(tmp_path, name, declared, value, kind, stored, unit):
-    table, result = exported(tmp_path, [{name: value}], {name: declared})
+
+
+def test_a_value_has_the_type_of_its_schema(tmp_path):
+    declared = {name: schema for name, schema, *_ in FIELDS}
+    table, result = exported(tmp_path, [{field[0]: field[2] for field in FIELDS}], declared)
     assert result.skipped == {}
-    field = table.schema.field(name)
-    assert (field.type, (field.metadata or {}).get(b"unit")) == (kind, unit)
-    assert table[name].to_pylist() == [stored]
+    for name, _, _, kind, stored, unit in FIELDS:
+        field = table.schema.field(name)
+        assert (field.type, (field.metadata or {}).get(b"unit")) == (kind, unit)
+        assert table[name].to_pylist() == [stored]
     assert table.schema.field("log_time").type == table.schema.field("publish_time").type == TIME
     assert table["log_time"].cast(pa.int64()).to_pylist() == [START_NS]
     assert table["publish_time"].cast(pa.int64()).to_pylist() == [START_NS + 1]
@@ -65,8 +66,8 @@ def test_a_time_of_two_numbers_is_one(tmp_path):
     assert table["at"].cast(pa.int64()).to_pylist() == [2_000_000_007]
 
 
-@pytest.mark.parametrize("count", [2047, 2048, 2049])
-def test_rows_are_whole_at_the_end_of_a_batch(tmp_path, count):
+def test_rows_are_whole_behind_the_end_of_a_batch(tmp_path):
+    count = 2049
     table, result = exported(tmp_path, [{"i": i} for i in range(count)], {"i": {"type": "integer"}})
     assert result.files[0].rows == count
     assert table["i"].to_pylist() == list(range(count))

@@ -78,16 +78,16 @@ def test_what_names_the_airframe():
     assert (found.uid, found.board, found.system_id) == ("00ab", "PX4_FMU_V5", 7)
 
 
-@pytest.mark.parametrize(
-    ("number", "name"),
-    [(0, "MANUAL"), (2, "POSCTL"), (4, "AUTO_LOITER"), (15, "STAB"), (18, "AUTO_LAND"),
-     (22, "AUTO_VTOL_TAKEOFF"), (23, "EXTERNAL1"), (30, "EXTERNAL8"), (31, "mode 31"),
-     (9, "mode 9")],
-)  # fmt: skip
-def test_a_mode_by_its_number(number, name):
-    rows = {"timestamp": at(1, 4, 6), "nav_state": [1, number, 1]}
-    found = told(context(vehicle_status=rows).modes)
-    assert found == [(1.0, 4.0, "ALTCTL"), (4.0, 6.0, name), (6.0, 10.0, "ALTCTL")]
+def test_modes_by_their_numbers():
+    names = {
+        0: "MANUAL", 2: "POSCTL", 4: "AUTO_LOITER", 15: "STAB", 18: "AUTO_LAND",
+        22: "AUTO_VTOL_TAKEOFF", 23: "EXTERNAL1", 30: "EXTERNAL8", 31: "mode 31", 9: "mode 9",
+    }  # fmt: skip
+    rows = {"timestamp": at(*range(10)), "nav_state": [*names]}
+    found = context(vehicle_status=rows).modes
+    assert [span.name for span in found] == [*names.values()]
+    assert told(found)[1] == (1.0, 2.0, "POSCTL")
+    assert found[-1].to_s == 10.0
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,11 @@ def test_a_flag_begins_and_ends_a_fault(topic, column, subsystem, text):
     assert faults(**{topic: {column: [0, 1, 5, 0]}}) == [
         (2.0, subsystem, 1, text), (4.0, subsystem, 0, f"{text}: over"),
     ]  # fmt: skip
-    assert faults(**{topic: {column: [1, 1, 1, 1]}}) == [(1.0, subsystem, 1, text)]
-    assert faults(**{topic: {column: [0, 0, 0, 0]}}) == []
+
+
+def test_a_flag_that_is_always_set_begins_with_the_log():
+    assert faults(vehicle_status={"failsafe": 1}) == [(1.0, "failsafe", 1, "failsafe")]
+    assert faults(vehicle_status={"failsafe": 0}) == []
 
 
 def test_warnings_of_batteries():
