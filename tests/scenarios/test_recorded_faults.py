@@ -183,13 +183,11 @@ def test_switch_over_to_another_imu_message(flown):
     assert replayed.errors().tilt < 0.5
 
 
-@pytest.mark.parametrize("configuration", [WITH_GPS, WITHOUT_GPS], ids=["gps", "no-gps"])
-def test_one_in_ten_samples_lost(configuration, flown):
+def test_one_in_ten_samples_lost(flown):
     """True time steps: a tenth of a degree more at most."""
     rng = random.Random(5)
 
     def lose(_t_s, fields):
         return fields if rng.random() > 0.1 else None
 
-    errors = flown(ImuFault(0.0, math.inf, lose, last_s=130.0), configuration).errors()
-    assert errors.tilt < (0.3 if configuration is WITH_GPS else 0.7)
+    assert flown(ImuFault(0.0, math.inf, lose, last_s=130.0), WITH_GPS).errors().tilt < 0.3

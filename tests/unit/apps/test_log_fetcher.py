@@ -136,7 +136,7 @@ class Bench:
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("personality", "has_files"),
-    [(ARDUPILOT, True), (ARDUPILOT, False), (PX4, True)],
+    [(ARDUPILOT, False), (PX4, True)],
 )
 def test_cut_and_armed_again_the_fetch_goes_on_and_costs_no_attitude(
     tmp_path, personality, has_files

@@ -56,7 +56,6 @@ def part_of(path: Path, folder: Path, from_s: float, to_s: float) -> Path:
     [
         ("hard_iron_from_boot", (50.0, 165.0), (50.0, -25.0, 25.0), None),
         ("compass_1_turned", (150.0, 250.0), (5.0, 13.0, -18.0), 2.0),
-        ("compass_1_hard_iron", (40.0, 160.0), (200.0, -150.0, 180.0), None),
     ],
 )
 def test_offsets_and_rotation_are_those_of_the_simulator(

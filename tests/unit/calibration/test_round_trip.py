@@ -83,7 +83,7 @@ def calibrated(path: Path):
 
 
 def wrongs() -> list[Miscalibration]:
-    """Three vehicles: a compass as it should be mounted, and two that are turned."""
+    """Two vehicles: a compass as it should be mounted, and one that is turned."""
     rng = np.random.default_rng(26)
 
     def drawn(low: float, high: float, count: int = 3) -> tuple[float, ...]:
@@ -99,7 +99,7 @@ def wrongs() -> list[Miscalibration]:
         )
         for _ in range(5)
     ]
-    return five[:2] + five[4:]
+    return [five[0], five[4]]
 
 
 def expected(wrong: Miscalibration, seed: int) -> dict[str, float]:
