@@ -144,6 +144,7 @@ def test_fill_writes_the_sample_that_the_daemon_makes(library: ctypes.CDLL) -> N
         assert values(program.sample, Sample) == values(expected, Sample)
 
 
+@pytest.mark.thorough
 def test_fill_limits_what_the_formats_do_not_hold(library: ctypes.CDLL) -> None:
     program = Program(library)
     sample = program.sample

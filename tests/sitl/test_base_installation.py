@@ -166,6 +166,7 @@ def test_configuration_and_gains(base, tmp_path):
     assert list((tmp_path / "firmware").glob("*.c"))
 
 
+@pytest.mark.thorough
 def test_a_trial_is_evaluated_without_the_filters_of_the_extras(base, tmp_path):
     rows = 200
     level = {"q": np.tile([1.0, 0, 0, 0], (rows, 1)), "acc": np.tile([0.0, 0, 9.81], (rows, 1))}

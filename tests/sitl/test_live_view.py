@@ -136,6 +136,7 @@ def test_a_client_gets_the_channels_of_the_log_as_they_are_made(flying, tmp_path
     assert len(times) - len(shown) < 0.2 * len(times)
 
 
+@pytest.mark.thorough
 def test_the_viewer_is_a_process_that_steps_back_and_ends_with_its_daemon(flying):
     running, _ = flying
     pid = running.process.pid

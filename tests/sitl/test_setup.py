@@ -50,6 +50,7 @@ def await_datagram(port: int) -> None:
         ear.recv(1)
 
 
+@pytest.mark.thorough
 def test_of_two_autopilots_on_one_link_the_system_id_decides(tmp_path: Path) -> None:
     url = f"udpin:127.0.0.1:{(port := free_udp_port())}"
     with fake_autopilot(f"udpout:127.0.0.1:{port}", "--fault", "second-autopilot@0"):

@@ -149,6 +149,7 @@ def test_another_filter_and_class(tmp_path, capsys):
     assert figures["h2nav"]["total"] == figures["h2nav_no_gps"]["total"], "it knows no velocity"
 
 
+@pytest.mark.thorough
 def test_pictures(tmp_path, capsys):
     need_package("matplotlib")
     path = rewritten(tmp_path / "flight.tlog", first_s=FIRST_S)

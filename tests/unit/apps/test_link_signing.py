@@ -147,6 +147,7 @@ def attacked(tmp_path_factory):
     return SignedFlight(tmp_path_factory.mktemp("attacked"), Attacker(1)).run(8.0)
 
 
+@pytest.mark.thorough
 def test_an_attack_without_the_key_changes_no_estimate(tmp_path, attacked):
     alone = SignedFlight(tmp_path).run(8.0)
     assert len(alone.estimates) > 500

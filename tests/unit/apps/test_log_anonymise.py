@@ -69,6 +69,7 @@ def reviewed(monkeypatch):
     return found, given
 
 
+@pytest.mark.thorough
 def test_another_place_is_drawn_where_a_finding_is_at_its_limit(flight, tmp_path, capsys, reviewed):
     found, given = reviewed
     found += [[ONE], [], [ONE]]

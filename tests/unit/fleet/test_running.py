@@ -196,6 +196,7 @@ def test_remote_recordings_are_fetched_and_removed(
     assert not [path for place in scratch.values() for path in Path(place).glob("h2nav-*")]
 
 
+@pytest.mark.thorough
 def test_a_recording_that_is_gone_is_tried_again(client: Client, fleet: Fleet) -> None:
     fleet.add(a="good", b="good")
     sources = find([str(fleet.logs)])

@@ -276,6 +276,7 @@ def test_an_mcap_is_refused_with_the_way_to_go(tmp_path: Path) -> None:
         export_mcap(first, second)
 
 
+@pytest.mark.thorough
 def test_a_ulog_in_small_pieces_has_the_same_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
