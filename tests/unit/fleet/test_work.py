@@ -179,11 +179,11 @@ def test_page_and_document_go_into_the_store(bench: Bench, has_document: bool) -
 def test_a_remote_recording_is_copied_whole_under_a_name_of_this_machine(bench: Bench) -> None:
     content = b"x" * (work._COPY_BYTES + 1)
     files = fsspec.filesystem("memory")
-    files.pipe("/work/ö 1.tlog", content)
+    files.pipe("/flown/ö 1.tlog", content)
     try:
-        bench.do(bench.of("memory:///work/ö 1.tlog"))
+        bench.do(bench.of("memory:///flown/ö 1.tlog"))
     finally:
-        files.rm("/work", recursive=True)
+        files.rm("/flown", recursive=True)
     ((path, read, _),) = bench.reviewed
     assert read == content
     assert path.name == "__1.tlog"
