@@ -41,9 +41,19 @@ async def connected(server):
 
 @pytest.fixture
 def server():
-    running = FoxgloveServer(CONFIGURATION)
-    yield running
-    running.close()
+    return FoxgloveServer(CONFIGURATION)
+
+
+def run(server, check):
+    """Runs a check, and closes the server in the loop of its connections, as the viewer does."""
+
+    async def checked():
+        try:
+            await check()
+        finally:
+            server.close()
+
+    asyncio.run(checked())
 
 
 def test_every_channel_has_the_schema_of_the_log(server):
@@ -62,7 +72,7 @@ def test_every_channel_has_the_schema_of_the_log(server):
             assert base64.b64decode(channel["schema"] + "==") == descriptors
         client.close()
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_records_lines_and_the_attitude_arrive_with_their_times(server):
@@ -89,7 +99,7 @@ def test_records_lines_and_the_attitude_arrive_with_their_times(server):
         assert said == {"level": "ERROR", "message": "GPS lost"}
         client.close()
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_who_subscribes_late_gets_the_findings_that_go_on(server):
@@ -107,7 +117,7 @@ def test_who_subscribes_late_gets_the_findings_that_go_on(server):
         assert orjson.loads(data)["id"] == open_one.id
         client.close()
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_a_topic_that_comes_later_is_a_channel_from_then_on(server):
@@ -120,7 +130,7 @@ def test_a_topic_that_comes_later_is_a_channel_from_then_on(server):
         assert client.channels["/later"]["schemaName"] == "h2nav.HealthRecord"
         client.close()
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_it_knows_whether_somebody_looks_at_every_sample(server):
@@ -140,7 +150,7 @@ def test_it_knows_whether_somebody_looks_at_every_sample(server):
         other.close()
         await until(lambda: not server.wants_all)
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_the_configuration_can_be_read_and_not_written(server):
@@ -169,7 +179,7 @@ def test_the_configuration_can_be_read_and_not_written(server):
         assert await values(client, **asked) == whole
         client.close()
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_clients_cannot_publish(server):
@@ -178,7 +188,7 @@ def test_clients_cannot_publish(server):
         assert client.info["capabilities"] == ["parameters", "parametersSubscribe"]
         client.close()
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_a_port_that_is_taken_is_told_with_a_remedy(server):
@@ -186,8 +196,13 @@ def test_a_port_that_is_taken_is_told_with_a_remedy(server):
         squatter.bind(("127.0.0.1", 0))
         squatter.listen()
         taken = squatter.getsockname()[1]
-        with pytest.raises(BadInput, match=rf"foxglove_port: 127.0.0.1:{taken}: .*in use; choose"):
-            asyncio.run(server.listen("127.0.0.1", taken))
+
+        async def check():
+            told = rf"foxglove_port: 127.0.0.1:{taken}: .*in use; choose"
+            with pytest.raises(BadInput, match=told):
+                await server.listen("127.0.0.1", taken)
+
+        run(server, check)
 
 
 def test_a_server_that_has_ended_is_noticed(server):
@@ -200,7 +215,7 @@ def test_a_server_that_has_ended_is_noticed(server):
         with pytest.raises(RuntimeError, match="has ended"):
             server.show("/imu", T_NS, IMU)
 
-    asyncio.run(check())
+    run(server, check)
 
 
 def test_a_server_that_is_closed_does_not_listen(server):
@@ -211,7 +226,7 @@ def test_a_server_that_is_closed_does_not_listen(server):
         with pytest.raises(ConnectionError):
             await asyncio.open_connection("127.0.0.1", server.port)
 
-    asyncio.run(check())
+    run(server, check)
 
 
 @pytest.mark.parametrize(("unix_ns", "is_shown"), [(-1, 0), (0, 1), (2**64 - 1, 1), (2**64, 0)])
