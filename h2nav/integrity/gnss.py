@@ -113,7 +113,8 @@ class GnssVerdict:
         if not is_false:
             self._false_us = self._spoofed = None
             return
-        self._false_us = self._false_us or t_us
+        if self._false_us is None:
+            self._false_us = t_us
         followed = self._followed()
         if followed is not None and self._spoofed is None:
             self._spoofed = self._false_us, *followed
@@ -155,7 +156,8 @@ class GnssVerdict:
         if apart[0] < APART_M and apart[1] < APART_M_S + scatter:
             self._apart_us = None
             return
-        self._apart_us = self._apart_us or mine.t_us
+        if self._apart_us is None:
+            self._apart_us = mine.t_us
         self._apart = apart
 
     def forget_old(self, t_us: int) -> None:

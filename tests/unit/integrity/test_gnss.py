@@ -36,6 +36,11 @@ def test_a_false_velocity_that_the_position_follows_may_be_spoofed() -> None:
     assert alarm.since_s == pytest.approx(4.8, abs=0.3)
 
 
+def test_a_velocity_may_be_false_from_time_zero_on() -> None:
+    (alarm,) = flown(ramp, from_s=0.0).alarms()
+    assert alarm.since_s == pytest.approx(9.8)
+
+
 @pytest.mark.parametrize("follows", [0.0, 0.3, 2.0])
 def test_a_false_velocity_that_the_position_does_not_follow_is_the_receivers(follows) -> None:
     assert flown(ramp, follows=follows).alarms() == []
