@@ -6,13 +6,13 @@ computer without a battery-backed clock learns the date from the network.
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, NamedTuple
 
 from h2nav.attitude.samples import Trust
 from h2nav.integrity.severity import Severity
 from h2nav.live.track import LiveTrack
-from h2nav.service.records import EstimateRecord, FindingRecord
+from h2nav.service.records import EstimateRecord, FindingRecord, StatusRecord
 
 Record = tuple[Any, ...]
 
@@ -108,6 +108,8 @@ class LiveState:
             self._counters[topic].take(unix_ns, record)
         elif isinstance(record, EstimateRecord):
             self._take_estimate(now_ns, record)
+        elif isinstance(record, StatusRecord):
+            self._end_all_but(record.open_findings.split())
 
     def text(self, unix_ns: int, severity: Severity, text: str) -> None:
         """Adds a line of the program's output."""
@@ -136,19 +138,7 @@ class LiveState:
     @property
     def findings(self) -> tuple[LiveReport, ...]:
         """The latest findings, sorted by their first record."""
-        status = self.newest("/status")
-        if status is None:
-            return tuple(self._findings)
-        # The status also shows an end whose record was dropped on the way.
-        goes_on = set(status.record.open_findings.split())
-        return tuple(
-            entry._replace(
-                finding=entry.finding._replace(
-                    is_open=entry.finding.is_open and entry.finding.id in goes_on
-                )
-            )
-            for entry in self._findings
-        )
+        return tuple(self._findings)
 
     @property
     def texts(self) -> tuple[LiveText, ...]:
@@ -184,6 +174,12 @@ class LiveState:
         self.track.add(now_ns, (ours.q_w, ours.q_x, ours.q_y, ours.q_z))
         for flag in Trust(ours.trust):
             self._trusted_ns[flag] = now_ns
+
+    def _end_all_but(self, going_on: Collection[str]) -> None:
+        """Takes which findings go on: the record of an end may have been dropped on the way."""
+        for place, (began_ns, finding) in enumerate(self._findings):
+            if finding.is_open and finding.id not in going_on:
+                self._findings[place] = LiveReport(began_ns, finding._replace(is_open=False))
 
     def _take_finding(self, now_ns: int, finding: FindingRecord) -> None:
         for place, entry in enumerate(self._findings):

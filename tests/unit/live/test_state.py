@@ -71,6 +71,12 @@ def test_an_end_that_was_lost_shows_in_the_status(state):
     assert [told.finding.is_open for told in state.findings] == [False, True]
 
 
+def test_a_finding_that_begins_after_the_status_is_open(state):
+    state.take("/status", UNIX_NS, status(open_findings=""))
+    state.take("/finding", UNIX_NS, finding())
+    assert [told.finding.is_open for told in state.findings] == [True]
+
+
 def test_counters_become_rates_over_about_a_second(state):
     def sent(after_s, count):
         state.take("/health", UNIX_NS + round(after_s * SECOND_NS), health(estimates_sent=count))
