@@ -253,8 +253,9 @@ def _rate(imu: Sensor, track: ImuTrack, stamp_s: Array, paused: tuple[Span, ...]
     steps = np.diff(stamp_s)
     from_s, to_s = float(track.t_s[0]), float(track.t_s[-1])
     found = []
-    logged_s = to_s - from_s - float(np.diff(track.t_s)[_is_paused(track.t_s, paused)].sum())
-    rate = (len(track.t_s) - 1) / max(logged_s, 1e-9)
+    is_logged = ~_is_paused(track.t_s, paused)
+    logged_s = float(np.diff(track.t_s)[is_logged].sum())
+    rate = np.count_nonzero(is_logged) / max(logged_s, 1e-9)
     if rate < SLOW_HZ:
         text = f"only {rate:.0f} samples a second were recorded"
         evidence = f"{len(track.t_s)} of {track.source} in {logged_s:.0f} s"
