@@ -21,8 +21,8 @@ LOST_S = 2.5
 SHORTEST_PERIOD_US = 50_000
 # Time over which the acceleration at a fix is taken.
 RATE_S = 0.1
-# Length of the filter's past, for fixes that are late.
-PAST_LENGTH = 102
+# Length of the filter's past, for fixes that are late and of a latency that is not yet known.
+PAST_LENGTH = round((OLDEST_S + max(LATENCIES_S)) * 1e6 / SPACING_US) + 2
 
 
 class TimedFix(NamedTuple):

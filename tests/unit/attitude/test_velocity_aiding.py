@@ -119,14 +119,14 @@ def test_a_period_counts_for_as_long_as_a_filter_is_held():
     assert offered((10.0, 20.0)).values()[2] == 2.5
 
 
-def test_the_past_has_a_row_every_hundredth_of_a_second_and_is_a_second_long():
+def test_the_past_has_a_row_every_hundredth_of_a_second_and_reaches_the_oldest_fix():
     aiding = VelocityAiding()
     for t_us in range(0, 3 * S, 2500):
         aiding.remember(t_us, (1e-6 * t_us, 0.0))
     times_us = aiding.values()[6::3]
     assert len(times_us) == PAST_LENGTH
     assert {b - a for a, b in pairwise(times_us)} == {10_000.0}
-    assert times_us[-1] - times_us[0] >= 1.0 * S
+    assert times_us[-1] - times_us[0] >= 1.1 * S  # .8 s old, and up to .3 s late
     aiding.remember(3 * S, None)
     assert aiding.values()[6:] == ()
 
