@@ -91,16 +91,14 @@ def vision_stream(options: VisionOptions, seed: int) -> Stream:
         BadInput: an option is out of range.
     """
     if options.message not in _MAKERS:
-        raise BadInput(
-            f"vision message {options.message!r} is not known; one of {', '.join(_MAKERS)}"
-        )
+        raise BadInput(f"--vision: {options.message!r} is not known; one of {', '.join(_MAKERS)}")
     for name, value, low, high in (
-        ("rate, Hz", options.rate_hz, 0.1, 1000.0),
-        ("delay, s", options.delay_s, 0.0, 10.0),
+        ("rate-hz", options.rate_hz, 0.1, 1000.0),
+        ("delay-ms", options.delay_s * 1e3, 0.0, 10_000.0),
         ("drop-out", options.drop_out, 0.0, 1.0),
     ):
         if not (math.isfinite(value) and low <= value <= high):
-            raise BadInput(f"vision {name}: expected a number from {low:g} to {high:g}")
+            raise BadInput(f"--vision-{name}: expected a number from {low:g} to {high:g}")
     return Stream(
         _Camera(options, seed).message,
         _MAKERS[options.message][1],

@@ -107,6 +107,19 @@ def test_a_vision_is_a_stream_of_its_own(vehicle):
         ("--seconds nan", "--seconds: expected a number from 0 to 1e+09"),
         ("--baud 300", ""),
         ("--baud 12000000", ""),
+        ("--vision odometry --vision-rate-hz 1000 --vision-delay-ms 10000 --vision-drop-out 1", ""),
+        (
+            "--vision odometry --vision-rate-hz 0",
+            "--vision-rate-hz: expected a number from 0.1 to 1000",
+        ),
+        (
+            "--vision odometry --vision-delay-ms 10001",
+            "--vision-delay-ms: expected a number from 0 to 10000",
+        ),
+        (
+            "--vision odometry --vision-drop-out 1.1",
+            "--vision-drop-out: expected a number from 0 to 1",
+        ),
         ("--baud 299", "--baud: expected a number from 300 to 12000000"),
         ("--baud 12000001", "--baud: expected a number from 300 to 12000000"),
         ("--gyro-bias-deg-s 100 -100 0", ""),
