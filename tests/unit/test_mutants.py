@@ -230,18 +230,19 @@ def test_a_test_that_fails_without_the_fault_is_no_judge(operators, trial, tree,
     ]
 
 
-def test_what_a_module_calls_at_import_is_left_to_a_process(tool):
+def test_what_a_module_uses_at_import_is_left_to_a_process(tool):
     source = b"""
 def row(a): return unit(a)
 def unit(a): return 2 * a
 def form(a): return unit(a) + other(a)
 def other(a): return a
+def late(a): return a
 class Kept:
     def method(self): return other(1)
 ROWS = {n: row(n) for n in (1, 2)}
-FORMS = (form,)
+FORMS = sorted((1, 2), key=form)
 """
-    assert sys.modules["mutation.forks"].called_at_import(source) == {"row", "unit"}
+    assert sys.modules["mutation.forks"].used_at_import(source) == {"row", "unit", "form", "other"}
 
 
 def test_every_equivalent_is_in_the_source(tool):

@@ -181,7 +181,7 @@ def _swaps(
     if pairs is None:
         return None
     swaps: list[Swap] = []
-    at_import = called_at_import(sound)
+    at_import = used_at_import(sound)
     for old, new in pairs:
         own = functions.get(_place(old), [])
         if not own or any(each.__code__.co_freevars != new.co_freevars for each in own):
@@ -192,19 +192,17 @@ def _swaps(
     return swaps
 
 
-def called_at_import(source: bytes) -> frozenset[str]:
-    """The functions of a module that its own statements call, directly or through each other."""
+def used_at_import(source: bytes) -> frozenset[str]:
+    """The functions of a module that its own statements use, directly or through each other."""
     body = ast.parse(source).body
     functions = {each.name: each for each in body if isinstance(each, ast.FunctionDef)}
     waiting = [each for each in body if not isinstance(each, ast.FunctionDef | ast.ClassDef)]
     found: set[str] = set()
     while waiting:
         for node in ast.walk(waiting.pop()):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-                name = node.func.id
-                if name in functions and name not in found:
-                    found.add(name)
-                    waiting.append(functions[name])
+            if isinstance(node, ast.Name) and node.id in functions and node.id not in found:
+                found.add(node.id)
+                waiting.append(functions[node.id])
     return frozenset(found)
 
 
