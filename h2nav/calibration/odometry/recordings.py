@@ -3,9 +3,9 @@
 import bisect
 import itertools
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from h2nav.motion.samples import WheelSample
 from h2nav.recordings.recording import open_recording
 from h2nav.wire.codec import decode
 from h2nav.wire.deframer import Deframer
+
+T = TypeVar("T")
 
 WHEEL_DISTANCE = 9000
 ATTITUDE = 30
@@ -104,6 +106,7 @@ def _poses(path: Path, streams: Streams) -> tuple[str, list[TimedPose]]:
 
 def _joined(positions: list[Any], attitudes: list[Any]) -> Iterator[TimedPose]:
     """Positions with the heading sent nearest in time, propagated with its rate."""
+    attitudes = _increasing(attitudes, lambda one: one.time_boot_ms)
     times = [a.time_boot_ms for a in attitudes]
     for p in positions:
         after = bisect.bisect_left(times, p.time_boot_ms)
@@ -115,8 +118,14 @@ def _joined(positions: list[Any], attitudes: list[Any]) -> Iterator[TimedPose]:
 
 def _sound(poses: Iterator[TimedPose]) -> list[TimedPose]:
     """Finite poses with increasing times; drops out-of-order or repeated ones."""
-    kept: list[TimedPose] = []
-    for pose in poses:
-        if np.isfinite(pose.pose).all() and (not kept or pose.t_us > kept[-1].t_us):
-            kept.append(pose)
+    finite = (pose for pose in poses if np.isfinite(pose.pose).all())
+    return _increasing(finite, lambda pose: pose.t_us)
+
+
+def _increasing(items: Iterable[T], time: Callable[[T], int]) -> list[T]:
+    """Those later than all before; after a restart of the autopilot times begin anew."""
+    kept: list[T] = []
+    for item in items:
+        if not kept or time(item) > time(kept[-1]):
+            kept.append(item)
     return kept

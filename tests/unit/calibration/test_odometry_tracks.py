@@ -186,6 +186,17 @@ def test_a_position_has_the_heading_sent_nearest_propagated_with_its_rate():
     assert [-pose.pose[2] for pose in found] == pytest.approx([0.48, 0.598, 0.902, 1.06])
 
 
+def test_after_a_restart_of_the_autopilot_no_position_has_a_heading_of_another_time():
+    """Times begin anew, in a shorter run."""
+    times = [*range(0, 1000, 100), *range(0, 700, 100)]
+    attitudes = [Message(time_boot_ms=t, yaw=2e-3 * t, yawspeed=9.0) for t in times]
+    positions = [Message(time_boot_ms=t, x=1.0, y=2.0) for t in range(0, 1000, 100)]
+    found = list(recordings._joined(positions, attitudes))
+    assert [-pose.pose[2] for pose in found] == pytest.approx(
+        [2e-3 * p.time_boot_ms for p in positions]
+    )
+
+
 def test_a_stream_is_that_of_the_component_that_sent_most():
     streams = {(32, 1, 1): [1], (32, 1, 2): [2, 3], (30, 1, 1): [4, 5, 6]}
     assert recordings._longest(streams, 32) == [2, 3]
