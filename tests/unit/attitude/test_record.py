@@ -11,8 +11,10 @@ from h2nav.attitude.record import (
     Row,
     assign,
     copy,
+    grids_of,
     in_c,
     integer,
+    integer_row,
     integers,
     is_in_c,
     reader,
@@ -150,6 +152,27 @@ def test_a_copy_goes_to_c_and_back() -> None:
     first.parts[0] = second.parts[0] = 9  # nothing is shared
     assert values(third, Integers) == [1, 2, 3, 4, 5]
     assert isinstance(third.parts, list)
+
+
+@pytest.mark.parametrize(
+    ("unit", "per", "told"),
+    [
+        ("m", 1.0, "m"),
+        ("", 1.0, ""),
+        ("m", 0.5, "0.5 m"),
+        ("", 67.108864, "67.1089"),
+        ("m", (0.5, 0.5), "0.5 m"),
+        ("m", (0.5, 0.5, 2.0), "0.5 m; the last 2 m"),
+        ("", (0.5, 2.0), "0.5; the last 2"),
+        ("m", (1.0, 2.0), "1 m; the last 2 m"),
+        ("m", (2.0, 1.0), "2 m; the last 1 m"),
+    ],
+)
+def test_the_integers_of_a_float_field_tell_what_they_count_in(unit, per, told) -> None:
+    """Plain where 2^q stands for one, and once where all elements are alike."""
+    size = len(per) if isinstance(per, tuple) else None
+    of_floats = Row("level", size, None, unit, "a", grids=grids_of((4, per, -2.0, 2.0)))
+    assert integer_row(of_floats) == Row("level", size, (-31, 31), told, "a", 4)
 
 
 @pytest.mark.parametrize("record_type", RECORDS)

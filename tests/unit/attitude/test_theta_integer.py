@@ -104,6 +104,27 @@ def test_a_noise_beyond_all_measures_corrects_nothing():
     assert covariance_of(s) == pytest.approx(covariance, abs=1e-7)
 
 
+@pytest.mark.parametrize("variance", [4, 20, 100, 999, 1 << 16, 1 << 29])
+@pytest.mark.parametrize("noise", [0.01, 3.0, 2.0**20, 2.0**28.9, 2.0**29.1, 2.0**34, 2.0**58.9])
+def test_the_gain_is_divided_by_variance_and_noise_of_any_size(variance, noise):
+    """To one unit of the variance, which grows with the noise; a power of two errs by 0.33 %."""
+    s = State()
+    s.gain_variance = variance
+    weigh_gain(s, 0, round(256.0 * math.log2(noise)) - 61 * 256)
+    unit = max(1.0, noise / 2.0**28)
+    found = 2.0 ** (14 + s.gain_digits) / s.gain_inverse
+    error = unit + 0.005 * noise + 2.0**-12 * (variance + noise)
+    assert found == pytest.approx(variance + noise, abs=error)
+
+
+@pytest.mark.parametrize(("power", "is_used"), [(58.99, True), (59.0, False)])
+def test_a_noise_of_two_to_the_59_units_leaves_nothing_of_the_gain(power, is_used):
+    s = State()
+    s.gain_variance = 1 << 29
+    weigh_gain(s, 1 << 24, math.floor(256.0 * power) - 61 * 256)
+    assert (s.gain_inverse > 0) is (s.gain_innovation > 0) is is_used
+
+
 @pytest.mark.parametrize("size", [1.4, 2.0])
 def test_a_covariance_as_large_as_at_the_start_falls_as_kalmans(size):
     """1.4: of a bias of 1 deg/s; the fall is larger than the product of its factors."""

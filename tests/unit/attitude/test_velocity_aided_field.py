@@ -135,6 +135,53 @@ def heading_errors_deg(knows_field: bool, field_s: float, at_s: tuple[float, ...
     return errors
 
 
+def test_a_refused_field_tells_its_turn_and_for_how_long_from_its_first_sample_on() -> None:
+    drive = accelerating(3.5, 24, force=still, law=still, bias_b=NO_BIAS)
+    drive = with_turned_field(drive, 30.0 * DEG, 2.0, 2.5)
+    filter_ = new_filter(knows_field=True)
+    for i, sample in enumerate(drive.flight.samples):
+        filter_.update(sample)
+        refused = filter_._refused_field()
+        assert (refused is not None) is (200 <= i < 250), "a field that was just used is not"
+        if refused is not None:
+            assert refused.turn_rad == pytest.approx(-30.0 * DEG, abs=0.3 * DEG)
+            assert refused.refused_s == pytest.approx(0.01 * (i - 199))
+
+
+@pytest.mark.parametrize(
+    ("change", "is_told"),
+    [
+        (lambda x, y, z: (1.02 * x, 1.02 * y, 1.02 * z), True),
+        (lambda x, y, z: (1.04 * x, 1.04 * y, 1.04 * z), False),
+        (lambda x, y, z: (0.96 * x, 0.96 * y, 0.96 * z), False),
+        # of a dip of 66 deg: by 1.1 and by 2.2 deg
+        (lambda x, y, z: (0.95 * x, 0.95 * y, z), True),
+        (lambda x, y, z: (0.9 * x, 0.9 * y, z), False),
+    ],
+)
+def test_of_a_refused_field_norm_and_dip_are_the_earths(
+    change: Callable[[float, float, float], Vec3], is_told: bool
+) -> None:
+    drive = accelerating(3.5, 24, force=still, law=still, bias_b=NO_BIAS)
+    drive = with_turned_field(drive, 30.0 * DEG, 2.0, 3.5)
+    filter_ = new_filter(knows_field=True)
+    follow(filter_, part(drive, 0, 250), until=0)
+    sample = drive.flight.samples[250]
+    assert sample.m_b_ut is not None
+    filter_.update(sample._replace(m_b_ut=change(*sample.m_b_ut)))
+    assert (filter_._refused_field() is not None) is is_told
+
+
+@pytest.mark.parametrize(("missing_s", "is_told"), [(0.9, True), (1.1, False)])
+def test_a_refused_field_that_is_a_second_old_is_none(missing_s: float, is_told: bool) -> None:
+    drive = accelerating(3.5, 24, force=still, law=still, bias_b=NO_BIAS)
+    drive = with_turned_field(drive, 30.0 * DEG, 2.0, 2.01)
+    filter_ = new_filter(knows_field=True)
+    for i, sample in enumerate(drive.flight.samples[: 201 + round(100.0 * missing_s)]):
+        filter_.update(sample if i <= 200 else sample._replace(m_b_ut=None))
+    assert (filter_._refused_field() is not None) is is_told
+
+
 def test_a_false_heading_that_passes_turns_nothing() -> None:
     errors = heading_errors_deg(True, 15.0, (1.0, 8.0, 14.9, 16.0, 25.0))
     assert max(map(abs, errors)) < 1.0

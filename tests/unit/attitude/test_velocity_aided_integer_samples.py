@@ -33,7 +33,7 @@ from h2nav.attitude.samples import (
     VehicleState,
 )
 from h2nav.attitude.velocity_aided.integer.filter import IntegerVelocityAidedFilter
-from h2nav.attitude.velocity_aided.integer.gains import integer_gains
+from h2nav.attitude.velocity_aided.integer.gains import integer_gains, unpacked
 from h2nav.attitude.velocity_aided.kernel.estimate import TILT_SHARE
 from h2nav.attitude.velocity_aided.shell import AIR_TILT_SIGMA_RAD
 from h2nav.errors import BadInput
@@ -217,6 +217,23 @@ def test_a_force_beyond_16_g_is_said_to_stand_at_its_limit(
     assert bool(estimate.trust & Trust.SATURATED) is is_limited
 
 
+@pytest.mark.parametrize("vehicle", [FLYING, GROUND])
+def test_what_holds_between_frames_is_said_of_every_sample_but_a_clipped_one(
+    vehicle: VehicleState,
+) -> None:
+    """Field and rest are looked at five times a second; a clipped sample has used neither."""
+    clipped = (230, 235, 236, 249)
+    samples = [
+        sample._replace(clipped=number in clipped)
+        for number, sample in enumerate(fly(still, 2.5, 2).samples)
+    ]
+    both = Trust.FIELD_USED | (Trust.REST if vehicle is GROUND else Trust(0))
+    for number, estimate in list(enumerate(drive(new_filter(vehicle), samples)))[200:]:
+        assert estimate is not None
+        held = estimate.trust & (Trust.FIELD_USED | Trust.REST)
+        assert held == (Trust(0) if number in clipped else both), number
+
+
 def test_a_long_clipped_turn_starts_the_tilt_again() -> None:
     """The gyro stands at 5 rad/s for half a second of which nothing else is known."""
     flight = fly(still, 12.0, 8, bias_b=NO_BIAS)
@@ -296,6 +313,29 @@ def test_a_gain_beyond_the_format_is_refused(field: str, value: float, what: str
     getattr(kernel, field)[0] = value
     with pytest.raises(BadInput, match=rf"^mine: {what} is outside what the integer filter holds"):
         IntegerVelocityAidedFilter(MULTIROTOR._replace(kernel=kernel), "mine")
+
+
+@pytest.mark.parametrize(
+    ("field", "most"),
+    [("k_tilt", 5.0), ("k_velocity", 5.0), ("k_fix_tilt", 8.0), ("k_fix_velocity", 8.0)],
+)
+def test_the_smallest_gain_is_2_to_the_minus_22_and_the_largest_below_its_limit(
+    field: str, most: float
+) -> None:
+    """With 5 per second, nothing would be left after a frame of 200 ms."""
+    smallest = 2.0**-22
+    for value in (smallest, math.nextafter(most, 0.0)):
+        kernel = copy.deepcopy(MULTIROTOR.kernel)
+        getattr(kernel, field)[0] = value
+        found = integer_gains(MULTIROTOR._replace(kernel=kernel), "mine")
+        assert unpacked(getattr(found.gains, field)[0]) == pytest.approx(value, rel=2.0**-14)
+        assert found.rounding_error < 2.0**-14
+    for value in (math.nextafter(smallest, 0.0), most, 0.0, -smallest, math.nan):
+        kernel = copy.deepcopy(MULTIROTOR.kernel)
+        getattr(kernel, field)[0] = value
+        with pytest.raises(BadInput) as refusal:
+            integer_gains(MULTIROTOR._replace(kernel=kernel), "mine")
+        assert f"({value:g} of 2e-07..{most:g})" in str(refusal.value)
 
 
 def test_a_cruise_speed_beyond_the_format_is_refused() -> None:

@@ -89,17 +89,19 @@ def aided(gained_at, sigma_m_s=0.2, late_s=0.35, step_us=10_000):
     return aiding.take(12 * S, gained_at(12.0))
 
 
-def test_a_late_fix_is_compared_with_what_was_gained_until_then():
-    found = aided(lambda t_s: (0.3 * t_s, -0.7 * t_s))
+@pytest.mark.parametrize("at_s", [11.65, 11.655, 11.6575])
+def test_a_late_fix_is_compared_with_what_was_gained_until_then(at_s):
+    """At a row of the past, and between two of them."""
+    found = aided(lambda t_s: (0.3 * t_s, -0.7 * t_s), late_s=12.0 - at_s)
     assert found.v_n == (3.0, -4.0)
-    assert found.gained == pytest.approx((0.3 * 11.65, -0.7 * 11.65))
+    assert found.gained == pytest.approx((0.3 * at_s, -0.7 * at_s))
     assert found.rate == pytest.approx((0.3, -0.7))
     backs_s = (0.0, 0.1, 0.2, 0.3)
-    expected = [(0.3 * (11.65 - back), -0.7 * (11.65 - back)) for back in backs_s]
+    expected = [(0.3 * (at_s - back), -0.7 * (at_s - back)) for back in backs_s]
     assert [part for each in found.earlier for part in each] == pytest.approx(
         [part for each in expected for part in each]
     )
-    assert found.period_s == pytest.approx(0.15)
+    assert found.period_s == pytest.approx(at_s - 11.5)
 
 
 def test_a_rate_is_that_of_a_tenth_of_a_second():

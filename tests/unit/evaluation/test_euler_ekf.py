@@ -83,3 +83,25 @@ def test_runs_do_not_touch_each_other() -> None:
         alone.predict(rate[1:2], DT_S)
         alone.correct(measured[1:2])
     assert together.angles[1] == pytest.approx(alone.angles[0], rel=1e-12)
+
+
+@pytest.mark.parametrize(("sigma", "share"), [(1e-6, 1.0), (1e6, 0.0)])
+def test_a_sure_measurement_is_taken_and_an_unsure_one_changes_nothing(sigma, share) -> None:
+    """Angles alone are uncertain at the start: what is measured says nothing of the bias."""
+    ekf = EulerEkf(VECTORS, np.ones(6), np.full(6, sigma**2), np.ones(6), 2)
+    truth = np.array([[0.01, -0.02, 0.03], [-0.02, 0.01, 0.0]])
+    ekf.correct(directions(truth, VECTORS))
+    assert ekf.angles == pytest.approx(share * truth, abs=1e-3)
+    assert (ekf.bias == 0.0).all()
+
+
+def test_an_attitude_that_is_known_shows_the_bias_by_one_turn() -> None:
+    sure = np.repeat([1e-12, 1.0], 3)
+    ekf = EulerEkf(VECTORS, np.full(6, 1e-14), np.full(6, 1e-12), sure, 1)
+    rate, bias = np.array([[0.3, -0.2, 0.1]]), np.array([[0.02, 0.01, -0.03]])
+    ekf.predict(rate + bias, 0.1)
+    truth = EulerEkf(VECTORS, np.ones(6), np.ones(6), np.ones(6), 1)
+    truth.predict(rate, 0.1)
+    ekf.correct(directions(truth.angles, VECTORS))
+    assert ekf.angles == pytest.approx(truth.angles, abs=1e-5)
+    assert ekf.bias == pytest.approx(bias, abs=1e-3)

@@ -166,6 +166,76 @@ def test_names_comments_and_formats_are_carried_over() -> None:
     assert "for (int32_t i = 0; i < INT32_C(3); i++) {" in code
 
 
+COMMENTED = f'''{INTEGER_HEAD}
+
+def step(x: I16, y: I16) -> I32:
+    """About it."""
+    # before the first
+    a = x  # beside the first
+    # one line
+    # and another
+
+    # after an empty line
+    b = clamp(
+        y,
+        -6,
+        # of a part of a statement
+        5,
+    )  # beside the last line
+    # before a test
+    if a > 0:  # beside the test
+        # before what is done
+        b = 1
+        # of nothing that is done
+    elif a < -7:  # beside the next test
+        b = 2  # beside what is done
+    else:
+        # before what else is done
+        b = 3
+    # before a loop
+    for i in range(3):  # beside the loop
+        # in the loop
+        b = b + i
+    # before the end
+    return a + b  # beside the end
+'''
+IN_C = """\
+/* About it. */
+static int32_t step(int32_t x, int32_t y)
+{
+    /* before the first */
+    int32_t a = x;  /* beside the first */
+    /* one line
+     * and another
+     * after an empty line
+     */
+    int32_t b = clamp_32(y, -INT32_C(6), INT32_C(5));  /* beside the last line */
+    /* before a test */
+    if (a > INT32_C(0)) {  /* beside the test */
+        /* before what is done */
+        b = INT32_C(1);
+    } else if (a < -INT32_C(7)) {  /* beside the next test */
+        b = INT32_C(2);  /* beside what is done */
+    } else {
+        /* before what else is done */
+        b = INT32_C(3);
+    }
+    /* before a loop */
+    for (int32_t i = 0; i < INT32_C(3); i++) {  /* beside the loop */
+        /* in the loop */
+        b = b + i;
+    }
+    /* before the end */
+    return a + b;  /* beside the end */
+}
+"""
+
+
+def test_comments_stand_before_or_beside_the_statements_that_they_stood_at() -> None:
+    """Each once; what stood at none is left out."""
+    assert translated(COMMENTED).endswith(f"\n{IN_C}")
+
+
 @pytest.mark.parametrize(
     ("statement", "line", "reason"),
     [

@@ -201,6 +201,23 @@ def test_only_what_is_named_is_taken() -> None:
     assert "s__b" not in text
 
 
+@pytest.mark.parametrize(
+    "expression",
+    ["-x", "y - -x", "-0.25 - x", "x * -0.25", "-(x + 0.125)", "-(-x)", "-x * y", "-K + x", "-K"],
+)
+def test_what_is_negated_has_the_other_sign(expression: str) -> None:
+    """A constant, a variable or what is in brackets; to one step of the result."""
+    head = "\nK = 0.125\n\n\ndef work(s: State, x: float, y: float) -> None:\n"
+    wide = Grid(2.0**-10, -(1 << 20), 1 << 20, saturates=True)
+    text = made_of(f"{head}    s.a = {expression}\n", s__a=wide, x=A, y=A)
+    (line,) = (line for line in text.splitlines() if "s__a =" in line)
+    for x, y in ((-1000, 999), (-3, 700), (0, 0), (5, -70), (1000, 1000)):
+        names = {"x": x, "y": y, "limited": limited}
+        found = eval(line.split(" = ")[1], names) * 2.0**-10
+        exact = eval(expression, {"x": x * 2.0**-10, "y": y * 2.0**-10, "K": 0.125})
+        assert found == pytest.approx(exact, abs=2.0**-10)
+
+
 def test_a_wide_factor_is_taken_in_halves() -> None:
     wide, narrow = Grid(2.0**-28, -(1 << 30), 1 << 30), Grid(2.0**-15, -32768, 32767)
     text = made_of(TEXT, ("s.a",), s__a=Grid(2.0**-28, -(1 << 30), 1 << 30, True), x=wide, y=narrow)
