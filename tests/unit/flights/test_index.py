@@ -4,7 +4,7 @@ import pytest
 from flight_folders import add_flights, summary
 
 from h2nav.flights.folder import FlightFolder
-from h2nav.flights.index import INDEX, SORTS, FlightIndex, Question
+from h2nav.flights.index import INDEX, SORTS, FlightIndex, Question, _date
 
 COUNT = 40
 
@@ -129,3 +129,21 @@ def test_without_a_place_to_write_it_is_in_memory(tmp_path):
     index.refresh()
     assert index.page(Question())["states"] == {"waiting": 3}
     index.close()
+
+
+@pytest.mark.parametrize(
+    ("unix_ns", "date"),
+    [
+        (0, "1970-01-01T00:00:00Z"),
+        (-1, "1969-12-31T23:59:59Z"),
+        (951_827_696_999_999_999, "2000-02-29T12:34:56Z"),
+        (951_827_697_000_000_000, "2000-02-29T12:34:57Z"),
+        (1_767_225_599_000_000_000, "2025-12-31T23:59:59Z"),
+        (253_402_300_799_999_999_999, "9999-12-31T23:59:59Z"),
+        (253_402_300_800_000_000_000, None),
+        (-62_135_596_800_000_000_000 - 1, None),
+        (10**40, None),
+    ],
+)
+def test_dates_are_of_whole_seconds_in_utc_and_no_date_is_made_up(unix_ns, date):
+    assert _date(unix_ns) == date

@@ -1,12 +1,18 @@
 """Whole flights without a fault give no finding, whatever they lack."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from known_evidence import KnownEvidence, imu_track
 from reviewed_flights import flight, ideal
 
+from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.rows import product
+from h2nav.maths.units import DEG
 from h2nav.recordings.context import Context
-from h2nav.reviews.analysis import analyse
+from h2nav.reviews import evidence as parts
+from h2nav.reviews.analysis import _of_slow_samples, analyse
 from h2nav.reviews.gathering import all_findings
 from h2nav.reviews.inertial import exponential, turns
 
@@ -100,3 +106,36 @@ def test_turns_are_the_product_of_the_samples_turns():
         for row in range(place[number], place[number + 1]):
             q = product(q, exponential(truth.w_b[row : row + 1] * 0.01))
         np.testing.assert_allclose(found[number], q[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "unit"), [
+    (Kind.GYRO_BIAS_STEP, DEG), (Kind.ACCELEROMETER_BIAS_STEP, 1.0),
+])  # fmt: skip
+@pytest.mark.parametrize(
+    ("step", "size", "usual", "is_shown"),
+    [
+        # four times the usual change
+        (4.1, 4.1, 1.0, True),
+        (3.9, 3.9, 1.0, False),
+        (-4.1, 4.1, 1.0, True),
+        # half of what is said
+        (4.1, 8.1, 0.0, True),
+        (4.1, 8.3, 0.0, False),
+        (0.0, 4.1, 0.0, False),
+    ],
+)
+def test_a_step_that_another_imu_shows_is_no_error_of_ours_by_slow_samples(
+    kind, unit, step, size, usual, is_shown
+):
+    """What they differ by changes by `usual` every 3.5 s, and in the end by the step alone."""
+    t_s = np.arange(0.0, 100.0, 0.1)
+    apart = usual * (np.floor(t_s / 3.5) % 2.0)
+    apart[t_s >= 80.0] = 0.0
+    apart[t_s >= 90.0] = step
+    values = unit * np.outer(apart, (0.0, 1.0, 0.0))
+    values = {"w_b": values} if kind is Kind.GYRO_BIAS_STEP else {"f_b": values}
+    tracks = imu_track(t_s, **values), imu_track(t_s)._replace(imu=1)
+    one = Finding(kind, Sensor(SensorKind.IMU, 1), Severity.WARNING, 90.0, 99.0, size, "", "", "")
+    evidence = KnownEvidence({parts.rate_hz: 10.0, parts.sampled: tracks})
+    evidence.flight = SimpleNamespace(findings=(one,))
+    assert _of_slow_samples(evidence) == ([] if is_shown else [one])

@@ -1,6 +1,7 @@
 """Two points per column: extremes stay, breaks stay, and directions draw no line across."""
 
 import numpy as np
+import pytest
 
 from h2nav.recordings.context import Context, Series
 from h2nav.reviews.pictures.columns import Columns
@@ -59,6 +60,26 @@ def test_a_direction_that_goes_round_makes_no_line_across():
     steps = np.abs(np.diff(points))
     assert np.nanmax(steps) < 30.0
     assert np.count_nonzero(np.isfinite(points)) > 700
+
+
+@pytest.mark.parametrize(
+    ("at_s", "after", "gap"),
+    [
+        (49.97, 181.0, range(47, 54)),  # the first sample of a column
+        (50.92, -181.0, range(47, 54)),  # the last one
+        (50.92, 180.0, range(0)),  # half a turn may be one
+        (1.02, 181.0, range(5)),
+        (98.02, -181.0, range(95, 100)),
+    ],
+)
+def test_where_an_angle_turns_over_the_line_breaks_for_three_columns_on_either_side(
+    at_s, after, gap
+):
+    t_s = np.arange(0.0, 100.0, 0.05)
+    points = Columns(100.0, 100).of(t_s, np.where(t_s < at_s, 0.0, after), 360.0)
+    is_left = np.isnan(points).reshape(-1, 2)
+    assert np.flatnonzero(is_left.all(axis=1)).tolist() == list(gap)
+    assert np.flatnonzero(is_left.any(axis=1)).tolist() == list(gap)
 
 
 def test_an_empty_recording_has_an_axis_of_time():

@@ -411,3 +411,31 @@ def test_the_flight_ends_two_seconds_before_a_crash():
     assert of.crashes(evidence) == [crash]
     spans = [(one.from_s, one.to_s) for one in of.unharmed(evidence).armed]
     assert spans == [(0.0, 58.0), (62.0, END_S)]
+
+
+@pytest.mark.parametrize(
+    ("found", "armed"),
+    [
+        ([], [(0.0, END_S)]),
+        ([finding(Kind.MOTOR_SATURATED, from_s=20.0)], [(0.0, END_S)]),
+        (
+            [
+                finding(Kind.MOTOR_FAILED, from_s=60.0, to_s=70.0),
+                finding(Kind.MOTOR_SATURATED, from_s=20.0),
+                finding(Kind.MOTOR_FAILED, from_s=40.0, to_s=42.0),
+            ],
+            [(0.0, 40.0)],
+        ),
+        ([finding(Kind.MOTOR_FAILED, from_s=0.0)], []),
+    ],
+)
+def test_nothing_counts_as_flown_in_order_once_the_first_motor_has_failed(
+    monkeypatch, found, armed
+):
+    """Not even after that motor came back."""
+    monkeypatch.setattr(of, "detect_motors", lambda *_: found)
+    context = Context(armed=ARMED)
+    parts = {of.recorded: context, of.unharmed: context, of.crashes: [], of.lifted: ARMED}
+    flown = of.in_order(Evidence(parts | {of.bins: flying_bins(END_S)}))
+    assert [(one.from_s, one.to_s) for one in flown.armed] == armed
+    assert of.in_order(Evidence(parts | {of.bins: None})) is context

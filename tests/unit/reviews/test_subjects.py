@@ -1,16 +1,28 @@
 """What the subjects declare is complete, and shown by pictures that exist."""
 
+import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from known_evidence import KnownEvidence, imu_track, receiver_track
 from made_flight import made_analysis, made_flight, page_of
 from needs import tool
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from reviewed_flights import flight
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.kinds import MEANINGS, FlightKind
-from h2nav.recordings.context import Said, Series
+from h2nav.recordings.context import (
+    Battery,
+    Context,
+    ReportedFault,
+    Said,
+    Series,
+    Span,
+    VibrationTrack,
+)
 from h2nav.reviews import evidence as parts
 from h2nav.reviews.analysis import analyse
 from h2nav.reviews.declared import FlightEvidence
@@ -165,3 +177,75 @@ def test_what_a_compass_lacks_to_be_judged_is_said():
     assert needs.compass(FlightEvidence(lost)) == "no attitude to judge them by"
     placeless = flown._replace(earth=flown.earth._replace(t_s=flown.earth.t_s[:0]))
     assert needs.compass(FlightEvidence(placeless)).startswith("no place")
+
+
+T_S = np.arange(3.0)
+ARMED = (Span(0.0, 3.0, "armed"),)
+UNKNOWN = np.full(3, math.nan)
+LOW = "Battery 1 is low"
+
+
+def recorded(**context):
+    return {parts.recorded: Context(**context)}
+
+
+def battery(voltage_v):
+    return recorded(batteries=(Battery(0, T_S, voltage_v, UNKNOWN, UNKNOWN),))
+
+
+def measured(level):
+    return VibrationTrack(0, T_S, np.full((3, 3), level), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("need", "known", "why"),
+    [
+        (needs.times, {parts.has_times: True}, ""),
+        (needs.times, {parts.has_times: False}, "no times of arrival"),
+        (needs.imu, {parts.sampled: (imu_track(T_S),)}, ""),
+        (needs.imu, {parts.sampled: ()}, "no IMU samples"),
+        (needs.armed, recorded(armed=ARMED), ""),
+        (needs.armed, recorded(), "never armed"),
+        (needs.flight, recorded(), "never armed"),
+        (needs.flight, recorded(armed=ARMED) | {parts.flown: True}, ""),
+        (needs.flight, recorded(armed=ARMED) | {parts.flown: False, parts.rose: True},
+         "it hardly moved in the air"),
+        (needs.flight, recorded(armed=ARMED) | {parts.flown: False, parts.rose: False},
+         "it did not fly"),
+        (needs.hovers, recorded(vehicle_type=mavlink.MAV_TYPE_HEXAROTOR), ""),
+        (needs.hovers, recorded(vehicle_type=mavlink.MAV_TYPE_FIXED_WING), "no multirotor"),
+        (needs.lands, recorded(vehicle_type=mavlink.MAV_TYPE_FIXED_WING), ""),
+        (needs.lands, recorded(vehicle_type=mavlink.MAV_TYPE_SUBMARINE),
+         "it neither takes off nor lands"),
+        (needs.motors, recorded(motors=SimpleNamespace()), ""),
+        (needs.motors, recorded(), "no motor outputs"),
+        (needs.demand, recorded(attitudes=(SimpleNamespace(t_s=T_S),)), "no demands"),
+        (needs.demand, recorded(demand=Series(T_S, T_S)), "no attitude of the autopilot"),
+        (needs.battery, battery(np.array([math.nan, 12.0, math.nan])), ""),
+        (needs.battery, battery(UNKNOWN), "no battery"),
+        (needs.battery, recorded(said=(Said(1.0, Severity.WARNING, LOW),), armed=ARMED), ""),
+        (needs.battery, recorded(said=(Said(1.0, Severity.WARNING, "ready"),), armed=ARMED),
+         "no battery"),
+        (needs.barometer, recorded(baro_height_m=Series(T_S, T_S)), ""),
+        (needs.barometer, recorded(height_m=Series(T_S, T_S)), "no barometer"),
+        (needs.texts, recorded(said=(Said(1.0, Severity.INFO, "ready"),)), ""),
+        (needs.texts, recorded(faults=(ReportedFault(1.0, "gps", 1, "a fault"),)), ""),
+        (needs.texts, recorded(), "none was recorded"),
+        (needs.attitudes, recorded(attitudes=(SimpleNamespace(t_s=T_S),)), ""),
+        (needs.attitudes, recorded(), "no attitude of the autopilot"),
+        (needs.fix, recorded(gps=(receiver_track(T_S[:0], 0.0), receiver_track(T_S, 0.0))), ""),
+        (needs.fix, recorded(gps=(receiver_track(T_S[:0], 0.0),)), "no receiver"),
+        (needs.impact, {parts.rate_hz: 45.0, parts.vertical: ()}, ""),
+        (needs.impact, {parts.rate_hz: 44.4, parts.vertical: ("one", "another")}, ""),
+        (needs.impact, {parts.rate_hz: 44.4, parts.vertical: ("one",)},
+         "44 samples a second show no blow, and two heights were not logged"),
+        (needs.shaking, {parts.rate_hz: 20.0}, ""),
+        (needs.shaking, {parts.rate_hz: 19.4}, "19 samples a second show none"),
+        (needs.vibration, {parts.vibes: (measured(math.nan), measured(1.0))}, ""),
+        (needs.vibration, {parts.vibes: (measured(math.nan),), parts.rate_hz: 4.0},
+         "4 samples a second show none"),
+        (needs.vibration, {parts.vibes: (), parts.rate_hz: 25.0}, ""),
+    ],
+)  # fmt: skip
+def test_what_a_subject_lacks_is_said_and_nothing_where_it_is_there(need, known, why):
+    assert need(KnownEvidence(known)) == why
