@@ -1,6 +1,7 @@
 """What decides on an accelerometer: just enough and just too little, and the words for it."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from h2nav.calibration import imu
 from h2nav.calibration.imu_settings import SensorSettings
 from h2nav.calibration.motion_fit import COUNT, MotionFit
 from h2nav.calibration.motion_rows import MotionRows
-from h2nav.maths.units import GRAVITY_M_S2
+from h2nav.maths.units import DEG, GRAVITY_M_S2
 
 
 def made_rows(count=4, share=1.0, up=(0.0, 0.0, -1.0)):
@@ -202,3 +203,49 @@ def test_new_parameters_take_the_raw_force_to_the_true_one():
         math.hypot(0.004, 0.025, 0.03) / changes["SCAL_X"].new
     )
     assert changes["SCAL_Y"].sigma == pytest.approx(0.98 * math.hypot(0.004, 0.003))
+
+
+def gyro_outcome(monkeypatch, first_deg_s, second_deg_s, count=80, **parameters):
+    """Of a gyro whose x axis is off by that in the first half of a flight, and in the second."""
+    off = np.where(np.arange(count) < count // 2, first_deg_s, second_deg_s)
+    bias = DEG * np.outer(off, (1.0, 0.0, 0.0))
+    rows = imu._Biases(np.zeros(count, np.int64), 5.0 * np.arange(count), bias)
+    settings = SensorSettings("7", "OFF_%s", "", np.array((0.5, 0.0, 0.0)), np.ones(3), np.eye(3))
+    monkeypatch.setattr(imu, "sensor_settings", lambda *_, is_gyro: settings)
+    monkeypatch.setattr(imu, "_turned", lambda *_: rows)
+    flown = SimpleNamespace(parameters=parameters)
+    return imu.calibrate_gyro(imu.Tracks(1, ((flown, None),)))
+
+
+@pytest.mark.parametrize(
+    ("case", "left"),
+    [
+        ((1.0, 1.0, 7), "too little flight time with a certain attitude"),
+        ((0.29, 0.29), "no change: 0.29 ± 0.02 deg/s are insignificant"),
+        ((1.0, 1.4), "its bias changed by 0.40 deg/s in flight"),
+        ((1.4, 1.0), "its bias changed by 0.40 deg/s in flight"),
+    ],
+)
+def test_why_a_gyro_is_left_as_it_is(monkeypatch, case, left):
+    outcome = gyro_outcome(monkeypatch, *case)
+    assert (outcome.sensor, outcome.device) == ("gyro 2", "7")
+    assert (outcome.left, outcome.changes) == ((left,), ())
+
+
+def test_an_offset_that_is_learnt_at_every_start_is_left_to_the_autopilot(monkeypatch):
+    outcome = gyro_outcome(monkeypatch, 1.0, 1.0, INS_GYR_CAL=1.0)
+    assert outcome.left == (
+        "1.00 deg/s remain, but the autopilot learns the offset again at every start "
+        "(INS_GYR_CAL 1): keep it still and warm then",
+    )
+    assert outcome.changes == ()
+
+
+@pytest.mark.parametrize("case", [(0.31, 0.31), (1.0, 1.0, 8), (1.0, 1.2)])
+def test_a_gyro_that_is_off_alike_throughout_is_set(monkeypatch, case):
+    """Halves agree within 30 % of the bias."""
+    outcome = gyro_outcome(monkeypatch, *case, INS_GYR_CAL=0.0)
+    (change,) = outcome.changes
+    assert outcome.left == ()
+    assert (change.name, change.old) == ("OFF_X", 0.5)
+    assert change.new == pytest.approx(0.5 + 0.5 * (case[0] + case[1]) * DEG, abs=1e-3)

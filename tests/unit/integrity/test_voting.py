@@ -3,6 +3,7 @@
 import math
 import random
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import pytest
 from lanes import few
@@ -431,6 +432,44 @@ def test_a_velocity_decides_of_no_sensor_while_both_kinds_differ():
         (Kind.GYRO_APART, (1, 2)),
         (Kind.ACCELEROMETER_APART, (1, 2)),
     }
+
+
+def differing(is_raised):
+    """Two sensors apart by 0.1 rad/s or m/s^2, or no more."""
+    shape = SimpleNamespace(
+        windows=5, constant=0.1, is_frozen=lambda place: False, unexplained=lambda: (0.0, 1.0)
+    )
+    return SimpleNamespace(
+        is_raised=is_raised, raised_us=0, shape=shape, is_fresh=lambda t_us: True,
+        test=SimpleNamespace(since_s=lambda t_us: 3.0),
+    )  # fmt: skip
+
+
+GYRO, ACCELEROMETER = InertialSensor.GYRO, InertialSensor.ACCELEROMETER
+
+
+@pytest.mark.parametrize(
+    ("part", "wrong", "apart", "evidence"),
+    [
+        (GYRO, 1, [(0, 1), (1, 2)], "it differs from the gyro of IMU 1 and 3, which agree"),
+        (GYRO, 0, [(0, 1), (0, 2)], "it differs from the gyro of IMU 2 and 3, which agree"),
+        (GYRO, 2, [(1, 2), (0, 1)],
+         "it differs from the gyro of IMU 2, whose attitude is not contradicted"),
+        (ACCELEROMETER, 0, [(0, 1)],
+         "it differs from the accelerometer of IMU 2, whose attitude is not contradicted"),
+        (ACCELEROMETER, 1, [(0, 1)],
+         "it differs from the accelerometer of IMU 1, whose attitude is not contradicted"),
+    ],
+)  # fmt: skip
+def test_the_evidence_against_a_sensor_numbers_imus_as_people_do(part, wrong, apart, evidence):
+    """From 1, in order, and those alone that it differs from."""
+    voting = Voting()
+    voting._wrong = {(part, wrong): 0}
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    voting._pairs = {(part, *both): differing(both in apart) for both in pairs}
+    (alarm,) = [one for one in voting.alarms() if one.is_decided]
+    assert alarm.sensor.numbers == (wrong + 1,)
+    assert alarm.evidence == evidence
 
 
 def test_a_zero_that_stays_is_learnt_and_the_gyro_heard_again():

@@ -259,6 +259,18 @@ def test_closed_link_is_quiet_and_can_be_opened_again(stack: ExitStack, clock: C
     assert link.statistics.opened == 2
 
 
+@pytest.mark.parametrize("url", ["udpin:127.0.0.1:0", "udpout:127.0.0.1:9"])
+def test_closing_gives_descriptor_and_port_back_at_once(
+    stack: ExitStack, clock: Clock, url: str
+) -> None:
+    link = opened(url, stack, clock)
+    held = link._socket  # type: ignore[attr-defined]  # what is held, no collector closes
+    link.close()
+    assert held.fileno() == -1
+    assert not link.is_up
+    assert link.local_port is None
+
+
 def test_a_link_that_was_closed_has_no_peer_any_more(stack: ExitStack, clock: Clock) -> None:
     link = opened("udpin:127.0.0.1:0", stack, clock)
     first, second = bare_socket(stack), bare_socket(stack)

@@ -296,6 +296,19 @@ def test_a_stream_of_zeros_is_given_up_and_does_not_count():
     assert flight.estimation.rejected == {}
 
 
+def test_a_stream_that_was_given_up_has_another_chance_after_a_minute():
+    """Whoever asks for its messages learns it from the first one that comes then."""
+    estimation = Flight().estimation
+    for number in range(100):
+        last_ns = number * 10_000_000
+        assert estimation.on_arrival(last_ns, THIRD)
+        estimation.refuse(last_ns, THIRD, "zero_force")
+    assert not estimation.on_arrival(last_ns + 60_000_000_000 - 1, THIRD)
+    assert list(estimation.useless_streams()) == [THIRD]
+    assert estimation.on_arrival(last_ns + 60_000_000_000, THIRD)
+    assert list(estimation.useless_streams()) == []
+
+
 def test_a_message_that_repeats_the_first_imu_is_no_lane():
     flight = Flight()
     original = flight._arrives

@@ -158,6 +158,15 @@ def test_a_rate_that_was_found_is_kept_unless_others_will_tell_when_it_ends(is_o
     assert found.bias_b[0] == pytest.approx(kept)
 
 
+def test_a_correction_that_nobody_outvoted_moves_the_known_zero_of_the_gyro():
+    own = OwnBias()
+    own.learn(0, (0.1, 0.0, 0.0))
+    own.correct(correction((0.3, 0.0, 0.0)))
+    own.take_over(OwnBias(), (0.0, 0.0, 0.0))
+    found = own.update(FilterThatKnows((0.0, 0.0, 0.0)), SAMPLE)
+    assert found.bias_b == pytest.approx((0.4, 0.0, 0.0))
+
+
 def test_errors_are_those_of_the_filter_and_what_it_does_not_hold():
     own, of_filter = OwnBias(), SensorErrors((9.0,) * 3, (0.1, 0.2, 0.3))
     assert own.errors(of_filter) == of_filter
