@@ -20,6 +20,7 @@ from h2nav.translate.layout import (
     home_blocks,
     inner_blocks,
     mentioned,
+    read_beside_write,
     written_arguments,
     written_at_once,
 )
@@ -178,6 +179,9 @@ class _FunctionWriter:
                     self._declare(name, indent)
             if written_at_once(statement, self._writers) > 1:
                 raise self._refuse(statement, "two calls that write, which C makes in any order")
+            read = read_beside_write(statement, self._writers)
+            if read:
+                raise self._refuse(statement, f"{read} is read beside a call that writes it")
             self._statement(statement, indent)
 
     def _declares(self, statement: ast.stmt, name: str) -> bool:

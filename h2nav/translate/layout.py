@@ -79,14 +79,62 @@ def written_at_once(node: ast.AST, writers: Mapping[str, list[bool]]) -> int:
     """
     if isinstance(node, ast.BoolOp):  # `and` and `or` keep the order
         return max(written_at_once(value, writers) for value in node.values)
-    parts: Iterable[ast.AST] = ast.iter_child_nodes(node)
-    if isinstance(node, ast.If | ast.For):
-        parts = [node.test if isinstance(node, ast.If) else node.iter]
-    count = sum(written_at_once(part, writers) for part in parts)
+    count = sum(written_at_once(part, writers) for part in _parts(node))
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         # a call comes behind those in its arguments
         return max(count, int(any(writers.get(node.func.id, []))))
     return count
+
+
+def read_beside_write(node: ast.AST, writers: Mapping[str, list[bool]]) -> str:
+    """What a statement reads beside a call that writes it: C may read before or after; "" without.
+
+    Args:
+        node: the statement or a part of it; blocks inside it do not count.
+        writers: see `written_at_once`.
+    """
+    parts = list(_parts(node))
+    for part in parts:
+        inner = read_beside_write(part, writers)
+        if inner:
+            return inner
+    if isinstance(node, ast.BoolOp):
+        return ""
+    if isinstance(node, ast.AugAssign) and _owner(node.target) in _written(node.value, writers):
+        return _owner(node.target)
+    for part in parts:
+        beside = [other for other in parts if other is not part]
+        both = _written(part, writers) & _read(beside)
+        if both:
+            return min(both)
+    return ""
+
+
+def _parts(node: ast.AST) -> Iterable[ast.AST]:
+    if isinstance(node, ast.If | ast.For):
+        return [node.test if isinstance(node, ast.If) else node.iter]
+    return ast.iter_child_nodes(node)
+
+
+def _written(node: ast.AST, writers: Mapping[str, list[bool]]) -> set[str]:
+    """The records and arrays that the calls in an expression write."""
+    return {
+        _owner(argument)
+        for call in ast.walk(node)
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name)
+        for argument, writes in zip(call.args, writers.get(call.func.id, []), strict=False)
+        if writes
+    }
+
+
+def _read(nodes: Iterable[ast.AST]) -> set[str]:
+    """The records and arrays of which some expressions read a number."""
+    return {
+        _owner(each)
+        for node in nodes
+        for each in ast.walk(node)
+        if isinstance(each, ast.Subscript | ast.Attribute) and isinstance(each.ctx, ast.Load)
+    }
 
 
 def _owner(node: ast.expr) -> str:

@@ -360,6 +360,28 @@ def test_refuses_calls_whose_order_is_that_of_the_compiler(
         with_record(f"{called}{in_any_order}\n")
 
 
+@pytest.mark.parametrize(
+    ("in_order", "beside"),
+    [
+        ("found = bump(s)\n    return s.level + found", "return s.level + bump(s)"),
+        ("found = bump(s)\n    return more(found, s.level)", "return more(bump(s), s.level)"),
+        ("bump(s)\n    return s.level", "s.level -= 0 * bump(s)\n    return 0"),
+        ("s.level = bump(s)\n    return 0", "s.level = 0 * bump(s) - s.level\n    return 0"),
+        ("if s.level > 3 and bump(s) > 2:\n        return 1\n    return 0",
+         "if s.level > bump(s):\n        return 1\n    return 0"),
+    ],
+)  # fmt: skip
+def test_refuses_what_is_read_beside_a_call_that_writes_it(in_order: str, beside: str) -> None:
+    called = (
+        "def bump(s: Memory) -> I32:\n    s.level = clamp(s.level + 1, -100, 100)\n"
+        "    return s.level\n\n\ndef more(a: I32, b: I32) -> I32:\n    return a >> 1\n\n\n"
+        "def step(s: Memory) -> I32:\n    "
+    )
+    assert "bump(s)" in with_record(f"{called}{in_order}\n")
+    with pytest.raises(Untranslatable, match="s is read beside a call that writes it"):
+        with_record(f"{called}{beside}\n")
+
+
 def test_refuses_one_name_for_two_constants() -> None:
     sources = [KernelSource("a.py", "MAX = 3\n"), KernelSource("b.py", "MAX = 3\nMAX = 4\n")]
     with pytest.raises(Untranslatable, match=r"^b\.py:2: MAX has another value"):

@@ -176,7 +176,8 @@ def find_fix_gain(
     if by_lag < 0:
         by_lag = 0
     noise = s.fix_noise + by_lag
-    explained = (product(s.dfix_lag, row_lag) >> 4) + find_spread(s, row, row_accel)
+    spread = find_spread(s, row, row_accel)
+    explained = (product(s.dfix_lag, row_lag) >> 4) + spread
     y = innovation - limited(explained, THETA_MAX)
     weigh_gain(s, y, logarithm(noise | 1) - Q26)
 

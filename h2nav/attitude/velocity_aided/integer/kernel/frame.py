@@ -201,7 +201,8 @@ def find_motion_gain(
         find_fix_gain(s, row, row_accel, innovation, s.accel_e if axis > 0 else s.accel_n, axis)
     elif s.velocity_use == 1:
         nothing = [0, 0]
-        weigh_gain(s, innovation - find_spread(s, row, nothing), s.log_noise)
+        explained = find_spread(s, row, nothing)
+        weigh_gain(s, innovation - explained, s.log_noise)
 
 
 def use_motion_gain(s: State, g: Gains, r: list[I32], axis: I32) -> None:
