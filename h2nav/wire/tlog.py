@@ -20,8 +20,14 @@ from h2nav.wire.deframer import LONGEST_FRAME, SIGNATURE_SIZE, SIGNED_FLAG
 TIME_SIZE = 8
 _NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
 _MIN_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
-# A clock that leaps further was set: a companion without a battery begins in the year 2000.
+# A clock that leaps further was set: a companion without a battery begins in the year 2000, or
+# where it was switched off. So was one that leaps within a dense stream of which no frame is
+# missing: after a pause of the link that is so in one case of 64.
 _MAX_LEAP_US = 86_400_000_000
+_MAX_PAUSE_US = 60_000_000
+_MOST_MISSING = 3
+# Entries before a leap that show how dense the stream is, and what each sender's last number was.
+_COMPARED, _LEAST_COMPARED = 64, 8
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
 
 
@@ -33,7 +39,7 @@ class TlogReader:
         damaged_bytes: bytes outside sound entries.
         corrected_times: times replaced because they did not fit between their neighbours'.
         clock_steps_back: how often the recorder's clock was set back; time stands still there.
-        clock_steps_forward: how often it was set by more than a day; time stands still there.
+        clock_steps_forward: how often it was set forward; time stands still there.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -43,6 +49,8 @@ class TlogReader:
         self._ended = False
         self._last_us = 0
         self._shift_us = 0
+        self._numbers: dict[bytes, int] = {}  # of the last frame of each sender just seen
+        self._compared_us: int | None = None  # time that `_COMPARED` entries took; None: unknown
         self.position = 0
         self.damaged_bytes = 0
         self.corrected_times = self.clock_steps_back = self.clock_steps_forward = 0
@@ -84,6 +92,7 @@ class TlogReader:
                 ends.append(seen.ends[run])
                 times.append(seen.times_us[run] + self._shift_us)
                 self._at, self._last_us = int(ends[-1][-1]), int(times[-1][-1])
+                self._remember(seen, run)
             else:
                 start, end, unix_us = self._entry(seen)
                 starts.append(np.array([start]))
@@ -98,7 +107,10 @@ class TlogReader:
         at = self._at
         end = seen.end_of_sound(at)
         if end:
-            return at + TIME_SIZE, end, self._time(end)
+            unix_us = self._time(end)
+            sender, number = _sender_and_number(self._buffer, at)
+            self._numbers[sender] = number
+            return at + TIME_SIZE, end, unix_us
         known = len(self._buffer) if self._ended else len(self._buffer) - _NEED // 2
         end = min(seen.next_sound(at), max(known, at + 1))
         self.damaged_bytes += end - at
@@ -120,12 +132,32 @@ class TlogReader:
             self.clock_steps_back += 1
             self._shift_us += self._last_us - unix_us
             unix_us = self._last_us
-        elif unix_us - self._last_us > _MAX_LEAP_US:
+        elif self._was_set(unix_us - self._last_us):
             self.clock_steps_forward += 1
             self._shift_us += self._last_us - unix_us
             unix_us = self._last_us
         self._last_us = unix_us
         return unix_us
+
+    def _remember(self, seen: "_Seen", run: slice) -> None:
+        """Notes how dense a run is, and the last number of each sender."""
+        last = slice(max(run.start, run.stop - _COMPARED), run.stop)
+        if last.stop - last.start >= _LEAST_COMPARED:
+            self._numbers.clear()
+            self._compared_us = int(seen.times_us[last][-1] - seen.times_us[last][0])
+        for at in seen.at[last].tolist():
+            sender, number = _sender_and_number(self._buffer, at)
+            self._numbers[sender] = number
+
+    def _was_set(self, leap_us: int) -> bool:
+        """Whether the clock was set, where the time of the next entry leaps forward."""
+        if leap_us <= _MAX_PAUSE_US or leap_us > _MAX_LEAP_US:
+            return leap_us > _MAX_LEAP_US
+        if self._compared_us is None or leap_us <= self._compared_us:
+            return False
+        sender, number = _sender_and_number(self._buffer, self._at)
+        before = self._numbers.get(sender)
+        return before is not None and (number - before - 1) % 256 <= _MOST_MISSING
 
 
 class _Seen:
@@ -152,7 +184,7 @@ class _Seen:
         sound = (self.at[follower] == self.ends) | (ended & (self.ends == len(data)))
         self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]
         step_us = np.diff(self.times_us)
-        goes_on = (self.ends[:-1] == self.at[1:]) & (step_us >= 0) & (step_us <= _MAX_LEAP_US)
+        goes_on = (self.ends[:-1] == self.at[1:]) & (step_us >= 0) & (step_us <= _MAX_PAUSE_US)
         self._breaks = np.append(np.flatnonzero(~goes_on), max(len(self.at) - 1, 0))
         # Beyond this an entry cannot be judged yet.
         last = len(data) if ended else len(data) - _NEED
@@ -168,7 +200,7 @@ class _Seen:
         if first == len(self.at) or self.at[first] != at:
             return slice(0, 0)
         step_us = int(self.times_us[first]) - last_us
-        if step_us < 0 or (last_us and step_us > _MAX_LEAP_US):
+        if step_us < 0 or (last_us and step_us > _MAX_PAUSE_US):
             return slice(0, 0)
         end = int(self._breaks[np.searchsorted(self._breaks, first)])
         return slice(first, min(end, self._judged))
@@ -183,6 +215,12 @@ class _Seen:
         """The beginning of the first sound entry after `at`; beyond the buffer if there is none."""
         place = int(np.searchsorted(self._sound_at, at, "right"))
         return int(self._sound_at[place]) if place < len(self._sound_at) else sys.maxsize
+
+
+def _sender_and_number(buffer: bytes, at: int) -> tuple[bytes, int]:
+    """Sender and sequence number of the frame of an entry."""
+    number = at + TIME_SIZE + (4 if buffer[at + TIME_SIZE] == MARKER_2 else 2)
+    return buffer[number + 1 : number + 3], buffer[number]
 
 
 def looks_like_tlog(start: bytes) -> bool:
