@@ -25,9 +25,9 @@ _MIN_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
 # missing: after a pause of the link that is so in one case of 64.
 _MAX_LEAP_US = 86_400_000_000
 _MAX_PAUSE_US = 60_000_000
-_MOST_MISSING = 3
+_MAX_MISSING = 3
 # Entries before a leap that show how dense the stream is, and what each sender's last number was.
-_COMPARED, _LEAST_COMPARED = 64, 8
+_COMPARED, _MIN_COMPARED = 64, 8
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
 
 
@@ -142,7 +142,7 @@ class TlogReader:
     def _remember(self, seen: "_Seen", run: slice) -> None:
         """Notes how dense a run is, and the last number of each sender."""
         last = slice(max(run.start, run.stop - _COMPARED), run.stop)
-        if last.stop - last.start >= _LEAST_COMPARED:
+        if last.stop - last.start >= _MIN_COMPARED:
             self._numbers.clear()
             self._compared_us = int(seen.times_us[last][-1] - seen.times_us[last][0])
         for at in seen.at[last].tolist():
@@ -157,7 +157,7 @@ class TlogReader:
             return False
         sender, number = _sender_and_number(self._buffer, self._at)
         before = self._numbers.get(sender)
-        return before is not None and (number - before - 1) % 256 <= _MOST_MISSING
+        return before is not None and (number - before - 1) % 256 <= _MAX_MISSING
 
 
 class _Seen:
