@@ -21,6 +21,11 @@ def beginning_of(path: Path) -> bytes:
         BadInput: there is no such file, or it cannot be read.
     """
     try:
+        if path.is_dir():
+            raise BadInput(
+                f"{path}: is not a file but a folder; expected a recording: name those in it, or "
+                "review them all with 'h2nav fleet'"
+            )
         if path.exists() and not path.is_file():
             raise BadInput(f"{path}: is not a file; expected a recording")
         with path.open("rb") as stream:

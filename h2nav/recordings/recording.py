@@ -9,6 +9,16 @@ from h2nav.wire.deframer import Deframer
 from h2nav.wire.tlog import looks_like_tlog
 
 _PROBE_BYTES = 1 << 18
+# How packed files begin, and what unpacks them.
+_UNPACKED_BY = {
+    b"\x1f\x8b": "gunzip",
+    b"PK\x03\x04": "unzip",
+    b"BZh": "bunzip2",
+    b"\xfd7zXZ\x00": "unxz",
+    b"7z\xbc\xaf\x27\x1c": "7z x",
+    b"\x28\xb5\x2f\xfd": "unzstd",
+    b"Rar!": "unrar x",
+}
 
 
 def open_recording(path: Path | str) -> Recording:
@@ -27,6 +37,9 @@ def open_recording(path: Path | str) -> Recording:
         from h2nav.recordings.mcap_recording import McapRecording
 
         return McapRecording(path)
+    for magic, program in _UNPACKED_BY.items():
+        if start.startswith(magic):
+            raise BadInput(f"{path}: is packed; expected a recording: unpack it, '{program} FILE'")
     if looks_like_tlog(start[:4096]):
         return TlogRecording(path)
     deframer = Deframer()

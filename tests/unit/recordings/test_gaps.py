@@ -42,7 +42,7 @@ def flown(path: Path, writer: ULogWriter):
 
 
 def test_a_folder_is_no_recording(tmp_path: Path):
-    with pytest.raises(BadInput, match="is not a file"):
+    with pytest.raises(BadInput, match=r"is not a file but a folder; .* 'h2nav fleet'"):
         open_flight(tmp_path)
 
 

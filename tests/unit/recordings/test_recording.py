@@ -1,6 +1,10 @@
 """Every kind of recording gives bytes and times through the same door."""
 
+import bz2
+import gzip
+import lzma
 import struct
+import zipfile
 from pathlib import Path
 from random import Random
 
@@ -18,6 +22,7 @@ from h2nav.recordings.recording import open_recording
 from h2nav.wire.deframer import Deframer
 
 SEED = 20_261_121
+TAKEOFF = Path(__file__).parents[2] / "data" / "takeoff_40s.tlog"
 OFFSET_NS = 1_795_260_679_845_863_513
 
 
@@ -164,6 +169,25 @@ def test_what_is_no_recording_is_refused_in_one_line(
         open_recording(path)
     (line,) = refused.value.lines
     assert line.startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("pack", "program"),
+    [(gzip.compress, "gunzip"), (bz2.compress, "bunzip2"), (lzma.compress, "unxz")],
+)
+def test_what_is_packed_is_refused_with_what_unpacks_it(tmp_path: Path, pack, program) -> None:
+    path = tmp_path / "flight.tlog.packed"
+    path.write_bytes(pack(bytes(1000)))
+    with pytest.raises(BadInput, match=f"is packed; expected a recording: unpack it, '{program} F"):
+        open_recording(path)
+
+
+def test_an_archive_is_refused_even_where_frames_lie_bare_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "flights.zip"
+    with zipfile.ZipFile(path, "w") as archive:  # stored as they are
+        archive.writestr("flight.tlog", TAKEOFF.read_bytes()[:10_000])
+    with pytest.raises(BadInput, match="'unzip FILE'"):
+        open_recording(path)
 
 
 def test_absent_files_and_folders_are_refused(tmp_path: Path) -> None:
