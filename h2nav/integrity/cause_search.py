@@ -302,7 +302,7 @@ class CauseSearch:
 
     def _explanation(self, known: Known) -> tuple[Explained, VelocityRows]:
         """That of the short window, or of the long one, with its rows."""
-        found = explain(self._rows.rows, known, self._cleared)
+        found = explain(self._rows.rows, known, self._cleared, min_odds=SUSPECTED)
         if found.decided is not None:
             # It need not be explained again for as long as a slow window shows it.
             self._slow.restart()

@@ -69,6 +69,7 @@ KNOWN_HEADING_RAD = 10.0 * DEG
 DECIDED = 1000.0
 # An undecided cause takes effect by its probability, from these odds against none on.
 SUSPECTED = 100.0
+ROUNDING = 1e-6  # of a logarithm of odds, generously
 # Without a decision what is done about a cause begins here; what speaks for either of two causes.
 PROBABLY = 0.9
 SURELY = 0.99
@@ -217,6 +218,7 @@ def explain(
     known: Known,
     cleared: Collection[Cause] = (),
     unseen_rad: float = math.inf,
+    min_odds: float = 0.0,
 ) -> Explained:
     """Compares the causes over a window.
 
@@ -225,11 +227,12 @@ def explain(
         known: at its end.
         cleared: sensors that show the same as those of other IMUs.
         unseen_rad: a gyro that may turn the attitude by more within the window shows nothing.
+        min_odds: whose odds against none cannot reach this is not compared any further.
     """
     if len(rows) < MIN_ROWS:
         return NOTHING
     comparison = _Comparison(rows, known, cleared)
-    return comparison.explained() if comparison.unseen_rad < unseen_rad else NOTHING
+    return comparison.explained(min_odds) if comparison.unseen_rad < unseen_rad else NOTHING
 
 
 class _Variant(NamedTuple):
@@ -276,8 +279,8 @@ class _Comparison:
         """Deviation of a turn of the window if nothing is wrong."""
         return max(self._sound[RATE:SCALE]) * sum(self._window.lengths_s)
 
-    def explained(self) -> Explained:
-        """The result."""
+    def explained(self, min_odds: float) -> Explained:
+        """The result; of nothing where no odds can reach `min_odds`."""
         model, sound = self._model, self._sound
         none = model.fit(sound)
         # No hypothesis with these noises explains more than everything.
@@ -290,6 +293,12 @@ class _Comparison:
         for begun in self._onsets():
             variants += self._from_row(begun, bases)
         jumps = [one for row in self._jumps(none) for one in self._jump(row, bases)]
+        vibration = self._vibration() + math.log(self._window.hidden_share)
+        # How the vehicle moves speaks against a cause, never for it; a step of the force does not
+        # count for the odds.
+        most = max(vibration, *(one.fit.likelihood for one in (*variants, *jumps)))
+        if min_odds > 0.0 and most - none.likelihood < math.log(min_odds) - ROUNDING:
+            return NOTHING
         variants = [
             one._replace(motion=self._motion(one), stepping=self._stepping(one)) for one in variants
         ]
@@ -301,7 +310,7 @@ class _Comparison:
             for cause in Cause
             if cause is not Cause.VIBRATION
         }
-        odds[Cause.VIBRATION] = self._vibration() + math.log(self._window.hidden_share)
+        odds[Cause.VIBRATION] = vibration
         if self._shaken > SHAKING_DENSITY:
             odds[Cause.VIBRATION] = max(odds[Cause.VIBRATION], self._hidden(variants))
         if self._is_any_heading(variants):

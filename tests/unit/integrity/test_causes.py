@@ -169,6 +169,7 @@ def signature(
     sigma_heading_rad=2.0 * DEG,
     shifts=(),
     force_density=math.inf,
+    min_odds=0.0,
 ):
     """What 10 s show of a flight whose dead reckoning starts with these errors."""
     drive = accelerating(LENGTH_S + 0.5, seed, law=turning, bias_b=(0.0, 0.0, 0.0))
@@ -197,7 +198,7 @@ def signature(
         north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
         gained += 0.01 * np.array((north, east, down - GRAVITY))
     known = Known(errors, mark.moment, rows.jitter_m_s, force_density=force_density, shifts=shifts)
-    return causes.explain(rows.rows, known, cleared)
+    return causes.explain(rows.rows, known, cleared, min_odds=min_odds)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -205,6 +206,33 @@ def test_a_sound_flight_has_no_cause(seed):
     found = signature(seed=seed)
     assert found.odds < 1.0
     assert doubt_of(found) is None
+
+
+DRIFTS_M_S2 = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.3, 0.7)
+
+
+@pytest.mark.parametrize("part", ["velocity", "force"])
+def test_only_what_cannot_be_suspected_is_left_out(part):
+    compared, left_out = [], []
+    for size in DRIFTS_M_S2:
+        fault = {
+            "velocity": {
+                "v_at": lambda t_s, v_n, size=size: (
+                    v_n[round(100.0 * t_s)][0] + size * max(t_s - 5.0, 0.0),
+                    *v_n[round(100.0 * t_s)][1:],
+                )
+            },
+            "force": {"force_at": lambda t_s, size=size: (size * (t_s > 5.0), 0.0, 0.0)},
+        }[part]
+        whole, found = signature(**fault), signature(**fault, min_odds=causes.SUSPECTED)
+        if found == NOTHING:
+            left_out.append(whole.is_suspicious)
+        else:
+            compared.append(whole.is_suspicious)
+            assert found == whole
+    assert left_out
+    assert not any(left_out)
+    assert any(compared)
 
 
 @pytest.mark.parametrize("heading_deg", [-40.0, 15.0, 30.0])
