@@ -64,7 +64,7 @@ class Bench:
     def __init__(self, monkeypatch):
         self.found = NOTHING
         monkeypatch.setattr(cause_search, "VelocityRows", Rows)
-        monkeypatch.setattr(cause_search, "explain", lambda *_: self.found)
+        monkeypatch.setattr(cause_search, "explain", lambda *_, **__: self.found)
         monkeypatch.setattr(slow_drift, "VelocityRows", Rows)
         monkeypatch.setattr(slow_drift, "explain", lambda *_: NOTHING)
         monkeypatch.setattr(cause_search, "advanced", lambda found, _then, _now: found)

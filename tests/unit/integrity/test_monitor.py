@@ -153,7 +153,7 @@ def test_a_decision_counts_while_later_windows_share_it(monkeypatch, share, is_r
     decided = Explained(20.0, ((Cause.VELOCITY, 0.9999),))
     later = Explained(20.0, ((Cause.VELOCITY, share), (Cause.ACCELEROMETER, 0.99 - share)))
 
-    def explain(rows, known, *_):
+    def explain(rows, known, *_, **__):
         t_s = known.moment.t_us * 1e-6 - FAULT_S
         return decided if 0.0 < t_s < 1.5 else later if t_s > 0.0 else NOTHING
 
