@@ -69,7 +69,7 @@ KNOWN_HEADING_RAD = 10.0 * DEG
 DECIDED = 1000.0
 # An undecided cause takes effect by its probability, from these odds against none on.
 SUSPECTED = 100.0
-ROUNDING = 1e-6  # of a logarithm of odds, generously
+LOG_ODDS_ROUNDING = 1e-6  # generously
 # Without a decision what is done about a cause begins here; what speaks for either of two causes.
 PROBABLY = 0.9
 SURELY = 0.99
@@ -297,7 +297,7 @@ class _Comparison:
         # How the vehicle moves speaks against a cause, never for it; a step of the force does not
         # count for the odds.
         most = max(vibration, *(one.fit.likelihood for one in (*variants, *jumps)))
-        if min_odds > 0.0 and most - none.likelihood < math.log(min_odds) - ROUNDING:
+        if min_odds > 0.0 and most - none.likelihood < math.log(min_odds) - LOG_ODDS_ROUNDING:
             return NOTHING
         variants = [
             one._replace(motion=self._motion(one), stepping=self._stepping(one)) for one in variants
