@@ -335,6 +335,13 @@ def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
     assert reason in str(refusal.value)
 
 
+CALLED = (
+    "def bump(s: Memory) -> I32:\n    s.level = clamp(s.level + 1, -100, 100)\n"
+    "    return s.level\n\n\ndef more(a: I32, b: I32) -> I32:\n    return a >> 1\n\n\n"
+    "def step(s: Memory) -> I32:\n    "
+)
+
+
 @pytest.mark.parametrize(
     ("in_order", "in_any_order"),
     [
@@ -350,14 +357,9 @@ def test_refuses_what_a_record_is_not(functions: str, reason: str) -> None:
 def test_refuses_calls_whose_order_is_that_of_the_compiler(
     in_order: str, in_any_order: str
 ) -> None:
-    called = (
-        "def bump(s: Memory) -> I32:\n    s.level = clamp(s.level + 1, -100, 100)\n"
-        "    return s.level\n\n\ndef more(a: I32, b: I32) -> I32:\n    return a >> 1\n\n\n"
-        "def step(s: Memory) -> I32:\n    "
-    )
-    assert "bump(s)" in with_record(f"{called}{in_order}\n")
+    assert "bump(s)" in with_record(f"{CALLED}{in_order}\n")
     with pytest.raises(Untranslatable, match="two calls that write, which C makes in any order"):
-        with_record(f"{called}{in_any_order}\n")
+        with_record(f"{CALLED}{in_any_order}\n")
 
 
 @pytest.mark.parametrize(
@@ -372,14 +374,9 @@ def test_refuses_calls_whose_order_is_that_of_the_compiler(
     ],
 )  # fmt: skip
 def test_refuses_what_is_read_beside_a_call_that_writes_it(in_order: str, beside: str) -> None:
-    called = (
-        "def bump(s: Memory) -> I32:\n    s.level = clamp(s.level + 1, -100, 100)\n"
-        "    return s.level\n\n\ndef more(a: I32, b: I32) -> I32:\n    return a >> 1\n\n\n"
-        "def step(s: Memory) -> I32:\n    "
-    )
-    assert "bump(s)" in with_record(f"{called}{in_order}\n")
+    assert "bump(s)" in with_record(f"{CALLED}{in_order}\n")
     with pytest.raises(Untranslatable, match="s is read beside a call that writes it"):
-        with_record(f"{called}{beside}\n")
+        with_record(f"{CALLED}{beside}\n")
 
 
 def test_refuses_one_name_for_two_constants() -> None:
