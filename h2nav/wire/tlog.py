@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import BinaryIO
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.maths.units import MICROSECOND_NS
 from h2nav.wire.arrivals import BATCH_BYTES, Arrivals, Integers
@@ -21,13 +22,24 @@ TIME_SIZE = 8
 _NEED = 2 * (TIME_SIZE + LONGEST_FRAME)  # two whole entries
 _MIN_SEEN = TIME_SIZE + 3  # of an entry that can be recognised
 # A clock that leaps further was set: a companion without a battery begins in the year 2000, or
-# where it was switched off. So was one that leaps within a dense stream of which no frame is
-# missing: after a pause of the link that is so in one case of 64.
+# where it was switched off. So was one that leaps by more than the other while a sender's own
+# clock goes on; in a pause of the link both advance.
 _MAX_LEAP_US = 86_400_000_000
-_MAX_PAUSE_US = 60_000_000
-_MAX_MISSING = 3
-# Entries before a leap that show how dense the stream is, and what each sender's last number was.
-_COMPARED, _MIN_COMPARED = 64, 8
+_MAX_STEP_US = 60_000_000
+_COMPARED = 64  # entries before and after a leap among which two of one sender and kind are sought
+# Messages whose payload begins with their sender's time since its boot, as uint64 in us or as
+# uint32 in ms: bytes of it.
+_STAMP_SIZES = {
+    mavlink.MAVLINK_MSG_ID_RAW_IMU: 8,
+    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: 8,
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU: 4,
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU2: 4,
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU3: 4,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 4,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 4,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 4,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 4,
+}
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 to 2100
 
 
@@ -49,8 +61,7 @@ class TlogReader:
         self._ended = False
         self._last_us = 0
         self._shift_us = 0
-        self._numbers: dict[bytes, int] = {}  # of the last frame of each sender just seen
-        self._compared_us: int | None = None  # time that `_COMPARED` entries took; None: unknown
+        self._stamps_us: dict[bytes, int] = {}  # the newest of each sender and kind just seen
         self.position = 0
         self.damaged_bytes = 0
         self.corrected_times = self.clock_steps_back = self.clock_steps_forward = 0
@@ -92,7 +103,8 @@ class TlogReader:
                 ends.append(seen.ends[run])
                 times.append(seen.times_us[run] + self._shift_us)
                 self._at, self._last_us = int(ends[-1][-1]), int(times[-1][-1])
-                self._remember(seen, run)
+                last = slice(max(run.start, run.stop - _COMPARED), run.stop)
+                self._stamps_us = self._stamps(seen, last) or self._stamps_us
             else:
                 start, end, unix_us = self._entry(seen)
                 starts.append(np.array([start]))
@@ -107,16 +119,13 @@ class TlogReader:
         at = self._at
         end = seen.end_of_sound(at)
         if end:
-            unix_us = self._time(end)
-            sender, number = _sender_and_number(self._buffer, at)
-            self._numbers[sender] = number
-            return at + TIME_SIZE, end, unix_us
+            return at + TIME_SIZE, end, self._time(seen, end)
         known = len(self._buffer) if self._ended else len(self._buffer) - _NEED // 2
         end = min(seen.next_sound(at), max(known, at + 1))
         self.damaged_bytes += end - at
         return at, end, self._last_us
 
-    def _time(self, follower: int) -> int:
+    def _time(self, seen: "_Seen", follower: int) -> int:
         """The entry's time on a scale that never runs backwards."""
         unix_us = _raw_time(self._buffer, self._at) + self._shift_us
         if self._last_us == 0:
@@ -132,32 +141,28 @@ class TlogReader:
             self.clock_steps_back += 1
             self._shift_us += self._last_us - unix_us
             unix_us = self._last_us
-        elif self._was_set(unix_us - self._last_us):
+        elif self._was_set(seen, unix_us - self._last_us):
             self.clock_steps_forward += 1
             self._shift_us += self._last_us - unix_us
             unix_us = self._last_us
         self._last_us = unix_us
         return unix_us
 
-    def _remember(self, seen: "_Seen", run: slice) -> None:
-        """Notes how dense a run is, and the last number of each sender."""
-        last = slice(max(run.start, run.stop - _COMPARED), run.stop)
-        if last.stop - last.start >= _MIN_COMPARED:
-            self._numbers.clear()
-            self._compared_us = int(seen.times_us[last][-1] - seen.times_us[last][0])
-        for at in seen.at[last].tolist():
-            sender, number = _sender_and_number(self._buffer, at)
-            self._numbers[sender] = number
+    def _stamps(self, seen: "_Seen", places: slice) -> dict[bytes, int]:
+        """The newest time of each sender and kind among some entries, us since its boot."""
+        found = (_stamp(self._buffer, at) for at in seen.at[places].tolist())
+        return dict(each for each in found if each is not None)
 
-    def _was_set(self, leap_us: int) -> bool:
+    def _was_set(self, seen: "_Seen", leap_us: int) -> bool:
         """Whether the clock was set, where the time of the next entry leaps forward."""
-        if leap_us <= _MAX_PAUSE_US or leap_us > _MAX_LEAP_US:
+        if leap_us <= _MAX_STEP_US or leap_us > _MAX_LEAP_US:
             return leap_us > _MAX_LEAP_US
-        if self._compared_us is None or leap_us <= self._compared_us:
-            return False
-        sender, number = _sender_and_number(self._buffer, self._at)
-        before = self._numbers.get(sender)
-        return before is not None and (number - before - 1) % 256 <= _MAX_MISSING
+        here = seen.place(self._at)
+        after_us = self._stamps(seen, slice(here, here + _COMPARED))
+        advanced_us = [
+            us - self._stamps_us[one] for one, us in after_us.items() if one in self._stamps_us
+        ]
+        return any(0 <= us < leap_us // 2 for us in advanced_us)
 
 
 class _Seen:
@@ -184,7 +189,7 @@ class _Seen:
         sound = (self.at[follower] == self.ends) | (ended & (self.ends == len(data)))
         self._sound_at, self._sound_ends = self.at[sound], self.ends[sound]
         step_us = np.diff(self.times_us)
-        goes_on = (self.ends[:-1] == self.at[1:]) & (step_us >= 0) & (step_us <= _MAX_PAUSE_US)
+        goes_on = (self.ends[:-1] == self.at[1:]) & (step_us >= 0) & (step_us <= _MAX_STEP_US)
         self._breaks = np.append(np.flatnonzero(~goes_on), max(len(self.at) - 1, 0))
         # Beyond this an entry cannot be judged yet.
         last = len(data) if ended else len(data) - _NEED
@@ -196,14 +201,18 @@ class _Seen:
         Args:
             last_us: stored time of the previous one; 0 if there is none.
         """
-        first = int(np.searchsorted(self.at, at))
+        first = self.place(at)
         if first == len(self.at) or self.at[first] != at:
             return slice(0, 0)
         step_us = int(self.times_us[first]) - last_us
-        if step_us < 0 or (last_us and step_us > _MAX_PAUSE_US):
+        if step_us < 0 or (last_us and step_us > _MAX_STEP_US):
             return slice(0, 0)
         end = int(self._breaks[np.searchsorted(self._breaks, first)])
         return slice(first, min(end, self._judged))
+
+    def place(self, at: int) -> int:
+        """Of the entry at `at`, or the first one behind it."""
+        return int(np.searchsorted(self.at, at))
 
     def end_of_sound(self, at: int) -> int:
         """The end of the entry at `at`; 0 if no sound entry begins there."""
@@ -217,10 +226,16 @@ class _Seen:
         return int(self._sound_at[place]) if place < len(self._sound_at) else sys.maxsize
 
 
-def _sender_and_number(buffer: bytes, at: int) -> tuple[bytes, int]:
-    """Sender and sequence number of the frame of an entry."""
-    number = at + TIME_SIZE + (4 if buffer[at + TIME_SIZE] == MARKER_2 else 2)
-    return buffer[number + 1 : number + 3], buffer[number]
+def _stamp(buffer: bytes, at: int) -> tuple[bytes, int] | None:
+    """Sender and kind of the frame of an entry, and its time, us since boot; None without one."""
+    frame = at + TIME_SIZE
+    sender, payload = (5, 10) if buffer[frame] == MARKER_2 else (3, 6)
+    key = buffer[frame + sender : frame + payload]
+    size = _STAMP_SIZES.get(int.from_bytes(key[2:], "little"), 0)
+    stamp = buffer[frame + payload : frame + payload + size]
+    if not stamp or len(stamp) < size or buffer[frame + 1] < size:
+        return None
+    return key, int.from_bytes(stamp, "little") * (1 if size == 8 else 1000)
 
 
 def looks_like_tlog(start: bytes) -> bool:

@@ -149,45 +149,64 @@ def test_a_clock_that_is_set_while_it_records_stands_still_and_goes_on() -> None
     assert (reader.clock_steps_forward, reader.clock_steps_back) == (1, 0)
 
 
+def stamped(kind: str, t_s: float) -> ardupilotmega.MAVLink_message:
+    """A message with its sender's own time."""
+    if kind == "raw":
+        return ardupilotmega.MAVLink_raw_imu_message(round(1e6 * t_s), *[1] * 9)
+    if kind == "highres":
+        return ardupilotmega.MAVLink_highres_imu_message(round(1e6 * t_s), *[1.0] * 13, 0)
+    return ardupilotmega.MAVLink_attitude_message(round(1e3 * t_s), *[1.0] * 6)
+
+
 @pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("kind", ["raw", "highres", "attitude"])
 @pytest.mark.parametrize(
-    ("leap_s", "missing", "is_set"),
-    [(3600, 0, True), (3600, 3, True), (3600, 4, False), (61, 0, True), (60, 0, False)],
+    ("leap_s", "own_s", "is_set"),
+    [
+        (3600, 0.0, True),
+        (3600, 1790.0, True),  # some of it was a pause as well
+        (3600, 1810.0, False),
+        (3600, 3600.0, False),
+        (3600, -99.0, False),  # it has restarted
+        (61, 0.0, True),
+        (60, 0.0, False),
+    ],
 )
-def test_a_leap_is_a_pause_where_frames_are_missing(version, leap_s, missing, is_set) -> None:
-    bodies = frames(300, version)
-    after = tlog(bodies[260 + missing :], START_US + 259 * 10_000 + leap_s * 1_000_000)
+def test_a_leap_is_a_pause_where_the_senders_own_clock_leaps_as_well(
+    version, kind, leap_s, own_s, is_set
+) -> None:
+    encoder, silent = Encoder(1, 1, version), Encoder(1, 1, version)
+    own = [100.0 + 0.01 * n + (own_s if n >= 260 else 0.0) for n in range(300)]
+    bodies = [encoder.encode(stamped(kind, t_s)) for t_s in own]
+    beat = ardupilotmega.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3)
+    bodies[::3] = [silent.encode(beat) for _ in bodies[::3]]  # of no time
+    after = tlog(bodies[260:], START_US + 259 * 10_000 + leap_s * 1_000_000)
     entries, reader = read(tlog(bodies[:260]) + after)
     assert reader.clock_steps_forward == is_set
     assert entries[260][0] - entries[259][0] == (0 if is_set else leap_s * 1_000_000)
     assert entries[261][0] - entries[260][0] == 10_000
     assert (reader.clock_steps_back, reader.corrected_times) == (0, 0)
+    assert [body for _, body in entries] == bodies
 
 
-@pytest.mark.parametrize(
-    ("before", "step_s", "is_set"), [(9, 1, True), (8, 1, False), (20, 70, False)]
-)
-def test_a_leap_in_a_seldom_stream_is_a_pause(before, step_s, is_set) -> None:
-    """As over a satellite, which loses nothing."""
-    bodies = frames(40)
-    data = tlog(bodies[:before], step_us=step_s * 1_000_000)
-    at_us = START_US + (before - 1) * step_s * 1_000_000 + 90_000_000
-    entries, reader = read(data + tlog(bodies[before:], at_us, step_s * 1_000_000))
-    assert reader.clock_steps_forward == is_set
-    assert entries[before][0] == (at_us - 90_000_000 if is_set else at_us)
-
-
-def test_a_leap_is_judged_by_the_frames_of_one_sender() -> None:
-    ours, theirs = frames(20), []
-    encoder = Encoder(51, 68)
-    for n in range(40):
-        theirs.append(encoder.encode(ardupilotmega.MAVLink_system_time_message(1, n)))
-    mixed = [body for pair in zip(ours, theirs[20:], strict=True) for body in pair]
-    entries, reader = read(tlog(mixed[:20]) + tlog(mixed[20:], START_US + 3_600_000_000))
-    assert (entries[20][0], reader.clock_steps_forward) == (START_US + 190_000, 1)
+def test_a_leap_is_judged_by_the_clock_of_one_sender() -> None:
+    ours, other = frames(40), Encoder(2, 1)
+    theirs = [other.encode(stamped("raw", 0.01 * n)) for n in range(40)]
     # Of another sender nothing was seen before: it may have come up in the pause.
     entries, reader = read(tlog(ours[:10]) + tlog(theirs[10:], START_US + 3_600_000_000))
     assert (entries[10][0], reader.clock_steps_forward) == (START_US + 3_600_000_000, 0)
+    # Behind the leap it comes first, and then the one that was there before.
+    after = tlog(theirs[:20] + ours[10:], START_US + 3_600_000_000)
+    entries, reader = read(tlog(ours[:10]) + after)
+    assert (entries[10][0], reader.clock_steps_forward) == (START_US + 90_000, 1)
+
+
+def test_without_a_clock_of_the_sender_a_leap_is_a_pause() -> None:
+    encoder = Encoder(1, 1)
+    beat = ardupilotmega.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3)
+    bodies = [encoder.encode(beat) for _ in range(20)]
+    _, reader = read(tlog(bodies[:10]) + tlog(bodies[10:], START_US + 3_600_000_000))
+    assert reader.clock_steps_forward == 0
 
 
 def test_a_large_file_of_garbage_is_read_in_bounded_pieces(tmp_path: Path) -> None:
