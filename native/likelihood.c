@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_BUFFERS = 8, MAX_COLUMNS = 64 };
+enum { MAX_BUFFERS = 9, MAX_COLUMNS = 64 };
 
 static size_t numbers(const Py_buffer *buffer)
 {
@@ -134,6 +134,54 @@ PyObject *likelihood_fit(PyObject *self, PyObject *arguments)
     return released(b, 5, fits, likelihood);
 }
 
+/* Further unknowns: products of their columns with those of the fit, with each other, and with the
+ * residuals. */
+struct further {
+    size_t known, shapes;
+    const double *sigmas, *crossed, *own, *right;
+};
+
+static int fits_together(const struct further *further, const Py_buffer *products,
+                         const unsigned char *places, size_t more)
+{
+    int fits = numbers(&products[0]) == further->shapes * further->known &&
+               numbers(&products[1]) == further->shapes * further->shapes;
+    for (size_t n = 0; n < more; n++) {
+        fits = fits && places[n] < further->shapes;
+    }
+    return fits;
+}
+
+/* Writes rows of a root behind those of the fit; the likelihood with them. `units` has the first
+ * part of each unknown's row for a deviation of one, or is NULL. */
+static double extended(double likelihood, const struct further *further, const double *units,
+                       const unsigned char *places, size_t more, double sigma, double *root,
+                       double *forward)
+{
+    const size_t known = further->known;
+    for (size_t n = 0; n < more; n++) {
+        const size_t place = places[n], end = known + n;
+        const double *own = further->own + place * further->shapes;
+        double *row = root + end * (end + 1) / 2;
+        if (units == NULL) {
+            next_row(further->crossed + place * known, further->sigmas, 1.0, root, known, row);
+        } else {
+            memcpy(row, units + place * known, known * sizeof *row);
+        }
+        for (size_t i = 0; i < known; i++) {
+            row[i] = sigma * row[i];
+        }
+        for (size_t i = known; i < end; i++) {
+            const double *line = row_of(root, i);
+            const double product = sigma * sigma * own[places[i - known]];
+            row[i] = (product - dot(row, line, i)) / line[i];
+        }
+        const double size = sigma * sigma * own[place];
+        likelihood += append_row(row, forward, end, size, sigma * further->right[place]);
+    }
+    return likelihood;
+}
+
 PyObject *likelihood_extend(PyObject *self, PyObject *arguments)
 {
     Py_buffer b[MAX_BUFFERS];
@@ -143,34 +191,64 @@ PyObject *likelihood_extend(PyObject *self, PyObject *arguments)
                           &b[3], &b[4], &sigma, &b[5], &b[6])) {
         return NULL;
     }
-    const size_t known = numbers(&b[0]), shapes = numbers(&b[3]), more = (size_t)b[4].len;
-    const size_t all = known + more;
-    const unsigned char *places = b[4].buf;
-    int fits = numbers(&b[1]) == shapes * known && numbers(&b[2]) == shapes * shapes &&
-               numbers(&b[5]) == all * (all + 1) / 2 && numbers(&b[6]) == all;
-    for (size_t n = 0; n < more; n++) {
-        fits = fits && places[n] < shapes;
-    }
+    const struct further further = {numbers(&b[0]), numbers(&b[3]), b[0].buf, b[1].buf,
+                                    b[2].buf,       b[3].buf};
+    const size_t more = (size_t)b[4].len, all = further.known + more;
+    const int fits = fits_together(&further, &b[1], b[4].buf, more) &&
+                     numbers(&b[5]) == all * (all + 1) / 2 && numbers(&b[6]) == all;
     if (fits) {
-        const double *sigmas = b[0].buf, *crossed = b[1].buf, *own = b[2].buf, *right = b[3].buf;
-        double *root = b[5].buf, *forward = b[6].buf;
-        for (size_t n = 0; n < more; n++) {
-            const size_t place = places[n], end = known + n;
-            double *row = root + end * (end + 1) / 2;
-            next_row(crossed + place * known, sigmas, 1.0, root, known, row);
-            for (size_t i = 0; i < known; i++) {
-                row[i] = sigma * row[i];
-            }
-            for (size_t i = known; i < end; i++) {
-                const double *line = row_of(root, i);
-                const double product = sigma * sigma * own[place * shapes + places[i - known]];
-                row[i] = (product - dot(row, line, i)) / line[i];
-            }
-            const double size = sigma * sigma * own[place * shapes + place];
-            likelihood += append_row(row, forward, end, size, sigma * right[place]);
-        }
+        likelihood = extended(likelihood, &further, NULL, b[4].buf, more, sigma, b[5].buf,
+                              b[6].buf);
     }
     return released(b, 7, fits, likelihood);
+}
+
+/* Whether each hypothesis has its places, of further unknowns that exist. */
+static int are_whole(const struct further *further, const Py_buffer *products,
+                     const Py_buffer *wanted, size_t count)
+{
+    const unsigned char *at = wanted->buf, *end = at + wanted->len;
+    int fits = fits_together(further, products, NULL, 0);
+    for (size_t n = 0; fits && n < count; n++) {
+        fits = at < end && end - at > *at && *at + further->known <= MAX_COLUMNS &&
+               fits_together(further, products, at + 1, *at);
+        at += fits ? 1 + *at : 0;
+    }
+    return fits && at == end;
+}
+
+PyObject *likelihood_likelihoods(PyObject *self, PyObject *arguments)
+{
+    Py_buffer b[MAX_BUFFERS];
+    double likelihood = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "(y*dy*y*)(y*y*y*)y*y*w*", &b[0], &likelihood, &b[1], &b[2],
+                          &b[3], &b[4], &b[5], &b[6], &b[7], &b[8])) {
+        return NULL;
+    }
+    const struct further further = {numbers(&b[0]), numbers(&b[5]), b[0].buf, b[3].buf,
+                                    b[4].buf,       b[5].buf};
+    const size_t known = further.known, count = numbers(&b[7]);
+    const int fits = known <= MAX_COLUMNS && further.shapes <= MAX_COLUMNS &&
+                     numbers(&b[1]) == known * (known + 1) / 2 && numbers(&b[2]) == known &&
+                     numbers(&b[8]) == count && are_whole(&further, &b[3], &b[6], count);
+    if (fits) {
+        double root[MAX_COLUMNS * (MAX_COLUMNS + 1) / 2], forward[MAX_COLUMNS];
+        double units[MAX_COLUMNS * MAX_COLUMNS], *found = b[8].buf;
+        const double *sizes = b[7].buf;
+        const unsigned char *wanted = b[6].buf;
+        memcpy(root, b[1].buf, (size_t)b[1].len);
+        memcpy(forward, b[2].buf, (size_t)b[2].len);
+        for (size_t place = 0; place < further.shapes; place++) {
+            const size_t at = place * known;
+            next_row(further.crossed + at, further.sigmas, 1.0, root, known, units + at);
+        }
+        for (size_t n = 0; n < count; n++, wanted += 1 + *wanted) {
+            found[n] = extended(likelihood, &further, units, wanted + 1, *wanted, sizes[n], root,
+                                forward);
+        }
+    }
+    return released(b, 9, fits, 0.0);
 }
 
 PyObject *likelihood_unknowns(PyObject *self, PyObject *arguments)

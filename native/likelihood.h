@@ -9,6 +9,7 @@ PyObject *likelihood_whiten(PyObject *self, PyObject *arguments);
 PyObject *likelihood_products(PyObject *self, PyObject *arguments);
 PyObject *likelihood_fit(PyObject *self, PyObject *arguments);
 PyObject *likelihood_extend(PyObject *self, PyObject *arguments);
+PyObject *likelihood_likelihoods(PyObject *self, PyObject *arguments);
 PyObject *likelihood_unknowns(PyObject *self, PyObject *arguments);
 PyObject *likelihood_spread(PyObject *self, PyObject *arguments);
 PyObject *likelihood_compose(PyObject *self, PyObject *arguments);

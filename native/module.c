@@ -29,7 +29,7 @@
 static const struct kernel *const kernels[] = {KERNELS_IN_ORDER};
 
 enum {
-    INTERFACE = 2,
+    INTERFACE = 3,
     RESULT_COLUMNS = 13,
     BUFFERS = 5,
     BATCH_ROWS = 64,
@@ -191,6 +191,7 @@ static PyMethodDef methods[] = {
     {"products", likelihood_products, METH_VARARGS, "Scalar products of columns."},
     {"fit", likelihood_fit, METH_VARARGS, "Integrates unknowns out."},
     {"extend", likelihood_extend, METH_VARARGS, "Integrates further unknowns out."},
+    {"likelihoods", likelihood_likelihoods, METH_VARARGS, "Likelihoods with further unknowns."},
     {"unknowns", likelihood_unknowns, METH_VARARGS, "The most probable unknowns."},
     {"spread", likelihood_spread, METH_VARARGS, "What the covariance of unknowns is made of."},
     {"compose", likelihood_compose, METH_VARARGS, "Rows to the columns of a window."},

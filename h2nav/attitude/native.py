@@ -22,7 +22,7 @@ SWITCH = "H2NAV_NATIVE"
 # whether a velocity holds the attitude, and the velocity gained
 RESULT_COLUMNS = 13
 # what the extension has to offer: its functions and results; as in native/module.c
-INTERFACE = 2
+INTERFACE = 3
 
 
 def native_kernels() -> ModuleType | None:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import SensorCorrection, SensorDoubt, Vec3
 from h2nav.integrity.correction import FAILED_RATE_RAD_S, WindowErrors, attitude, mixed
-from h2nav.integrity.likelihood import HypothesisFit, mean
+from h2nav.integrity.likelihood import HypothesisFit, Since, mean
 from h2nav.integrity.velocity_model import (
     FORCE,
     HEADING,
@@ -73,6 +73,8 @@ LOG_ODDS_ROUNDING = 1e-6  # generously
 # Without a decision what is done about a cause begins here; what speaks for either of two causes.
 PROBABLY = 0.9
 SURELY = 0.99
+# Odds that one of both then has against none.
+MIN_OF_EITHER = 0.5 * SURELY / (1.0 - SURELY)
 # Of an error by a cause that may still be right, at least this share is one deviation: it stays
 # within three of them.
 MIN_SHARE = 1.0 / 9.0
@@ -258,6 +260,52 @@ class _Variant(NamedTuple):
         return self.fit.likelihood + self.motion
 
 
+class _Hypothesis(NamedTuple):
+    """A cause that begins with a row, before it is fitted."""
+
+    cause: Cause
+    base: HypothesisFit  # of the usual unknowns
+    places: tuple[int, ...]  # of its own ones in those that begin with the row
+    sigma: float  # their deviation
+    drifts: bool = False  # see `_Variant`
+    breaks: bool = False
+
+
+class _Beginning(NamedTuple):
+    """The causes that may begin with a row."""
+
+    begun: int
+    since: Since
+    hypotheses: Sequence[_Hypothesis]
+
+    def most(self) -> float:
+        """The largest likelihood, as a logarithm."""
+        bases = {id(one.base): one.base for one in self.hypotheses}
+        return max(
+            max(
+                self.since.likelihoods(
+                    base,
+                    [(one.places, one.sigma) for one in self.hypotheses if one.base is base],
+                )
+            )
+            for base in bases.values()
+        )
+
+    def variants(self) -> list[_Variant]:
+        """The same, fitted."""
+        return [
+            _Variant(
+                one.cause,
+                self.since.fit(one.base, one.places, one.sigma),
+                len(one.places),
+                self.begun,
+                drifts=one.drifts,
+                breaks=one.breaks,
+            )
+            for one in self.hypotheses
+        ]
+
+
 class _Comparison:
     """The likelihoods of the causes over one window."""
 
@@ -290,19 +338,21 @@ class _Comparison:
         bent = _failed(sound, TILT, 2, FAILED_TILT_RAD)
         variants = self._from_before(none, bent)
         bases = none, model.fit(bent)
-        for begun in self._onsets():
-            variants += self._from_row(begun, bases)
-        jumps = [one for row in self._jumps(none) for one in self._jump(row, bases)]
+        beginnings = [self._from_row(begun, bases) for begun in self._onsets()]
+        jumps = [self._jump(row, bases) for row in self._jumps(none)]
         vibration = self._vibration() + math.log(self._window.hidden_share)
-        # How the vehicle moves speaks against a cause, never for it; a step of the force does not
-        # count for the odds.
-        most = max(vibration, *(one.fit.likelihood for one in (*variants, *jumps)))
-        if min_odds > 0.0 and most - none.likelihood < math.log(min_odds) - LOG_ODDS_ROUNDING:
-            return NOTHING
+        if min_odds > 0.0:
+            # How the vehicle moves speaks against a cause, never for it; a step of the force does
+            # not count for the odds.
+            most = max(vibration, *(one.fit.likelihood for one in variants))
+            most = max(most, *(one.most() for one in (*beginnings, *jumps)))
+            if most - none.likelihood < math.log(min_odds) - LOG_ODDS_ROUNDING:
+                return NOTHING
+        variants += [one for each in beginnings for one in each.variants()]
         variants = [
             one._replace(motion=self._motion(one), stepping=self._stepping(one)) for one in variants
         ]
-        variants += jumps
+        variants += [one for each in jumps for one in each.variants()]
         if self._cleared and self._shaken <= SHAKING_DENSITY:
             variants = [self._seen_by_another(one) for one in variants]
         odds: dict[Cause, float] = {
@@ -587,7 +637,7 @@ class _Comparison:
             _Variant(Cause.VELOCITY, since.fit(model.fit(bent), (1, 2), RAMP_M_S2), 2, drifts=True),
         ]
 
-    def _from_row(self, begun: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
+    def _from_row(self, begun: int, bases: tuple[HypothesisFit, HypothesisFit]) -> _Beginning:
         """Faults that begin with a row; a drift of the velocity may also begin within it."""
         count, (none, bent) = len(self._rows) - begun, bases
         late = [self._later(LAG + j, begun) for j in (0, 1)]
@@ -605,38 +655,31 @@ class _Comparison:
             ],
         )
         drift, jump, lag = ((at, at + 1) for at in range(9, 15, 2))
-        return [
-            _Variant(Cause.GYRO, since.fit(none, (0, 1, 2), FAILED_RATE_RAD_S), 3, begun),
-            _Variant(
-                Cause.GYRO, since.fit(none, (0, 1, 2), BROKEN_RATE_RAD_S), 3, begun, breaks=True
-            ),
-            _Variant(Cause.ACCELEROMETER, since.fit(none, (3, 4), FAILED_FORCE_M_S2), 2, begun),
+        gyro, accelerometer, velocity = Cause.GYRO, Cause.ACCELEROMETER, Cause.VELOCITY
+        hypotheses = [
+            _Hypothesis(gyro, none, (0, 1, 2), FAILED_RATE_RAD_S),
+            _Hypothesis(gyro, none, (0, 1, 2), BROKEN_RATE_RAD_S, breaks=True),
+            _Hypothesis(accelerometer, none, (3, 4), FAILED_FORCE_M_S2),
             *(
-                _Variant(
-                    Cause.ACCELEROMETER,
-                    since.fit(none, (at, at + 1), BROKEN_FORCE_M_S2),
-                    2,
-                    begun,
-                    breaks=True,
-                )
+                _Hypothesis(accelerometer, none, (at, at + 1), BROKEN_FORCE_M_S2, breaks=True)
                 for at in range(3, 3 + len(stepped), 2)
             ),
-            _Variant(Cause.VELOCITY, since.fit(none, drift, RAMP_M_S2), 2, begun, drifts=True),
-            _Variant(Cause.VELOCITY, since.fit(bent, drift, RAMP_M_S2), 2, begun, drifts=True),
-            _Variant(
-                Cause.VELOCITY, since.fit(none, drift + jump, RAMP_M_S2), 4, begun, drifts=True
-            ),
-            _Variant(Cause.LATENCY, since.fit(none, lag, FAILED_LAG_S), 2, begun),
+            _Hypothesis(velocity, none, drift, RAMP_M_S2, drifts=True),
+            _Hypothesis(velocity, bent, drift, RAMP_M_S2, drifts=True),
+            _Hypothesis(velocity, none, drift + jump, RAMP_M_S2, drifts=True),
+            _Hypothesis(Cause.LATENCY, none, lag, FAILED_LAG_S),
         ]
+        return _Beginning(begun, since, hypotheses)
 
-    def _jump(self, row: int, bases: tuple[HypothesisFit, HypothesisFit]) -> list[_Variant]:
+    def _jump(self, row: int, bases: tuple[HypothesisFit, HypothesisFit]) -> _Beginning:
         """A jump of the velocity in a row."""
         since = self._model.since(row, _jumps(len(self._rows) - row))
-        return [
-            _Variant(Cause.VELOCITY, since.fit(base, (0, 1), size_m_s), 2, row)
+        hypotheses = [
+            _Hypothesis(Cause.VELOCITY, base, (0, 1), size_m_s)
             for base in bases
             for size_m_s in JUMPS_M_S
         ]
+        return _Beginning(row, since, hypotheses)
 
     def _jumps(self, none: HypothesisFit) -> list[int]:
         """The rows with the largest residuals of a sound vehicle."""

@@ -152,6 +152,16 @@ class Since:
         sigmas = base.sigmas + array("d", [sigma] * len(places))
         return HypothesisFit(root, forward, likelihood, sigmas, base.sums)
 
+    def likelihoods(
+        self, base: HypothesisFit, extensions: Sequence[tuple[Sequence[int], float]]
+    ) -> "array[float]":
+        """Those of `fit` for several places and deviations."""
+        sizes, found = array("d", [sigma for _, sigma in extensions]), _numbers(len(extensions))
+        wanted = b"".join(bytes((len(places), *places)) for places, _ in extensions)
+        known = base.sigmas, base.likelihood, base.root, base.forward
+        base.sums.likelihoods(known, self._further, wanted, sizes, found)
+        return found
+
 
 def _numbers(count: int) -> "array[float]":
     """Zeros, to be written."""

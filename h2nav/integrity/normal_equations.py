@@ -110,6 +110,33 @@ def extend(
     return likelihood
 
 
+def likelihoods(
+    base: "tuple[array[float], float, array[float], array[float]]",
+    further: "tuple[array[float], array[float], array[float]]",
+    wanted: bytes,
+    sizes: "array[float]",
+    found: "array[float]",
+) -> None:
+    """Writes the likelihoods of a fit that is extended in several ways.
+
+    Args:
+        base: deviations, likelihood, root and forward solution of the fit.
+        further: as for `extend`.
+        wanted: of each extension how many unknowns it adds, and which.
+        sizes: their deviation, of each.
+        found: written.
+    """
+    sigmas, likelihood, root, forward = base
+    at = 0
+    for n, sigma in enumerate(sizes):
+        more = wanted[at]
+        places, at = wanted[at + 1 : at + 1 + more], at + 1 + more
+        known = len(sigmas)
+        rows = array("d", bytes(8 * (_begin(known + more) - _begin(known))))
+        grown = root + rows, forward + array("d", bytes(8 * more))
+        found[n] = extend((sigmas, likelihood), further, places, sigma, grown)
+
+
 def unknowns(
     root: "array[float]", forward: "array[float]", sigmas: "array[float]", found: "array[float]"
 ) -> None:

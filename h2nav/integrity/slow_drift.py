@@ -6,7 +6,7 @@ Equations: docs/integrity.md, section 5.
 from collections.abc import Collection
 
 from h2nav.attitude.samples import SensorErrors
-from h2nav.integrity.causes import NOTHING, Cause, Explained, explain
+from h2nav.integrity.causes import MIN_OF_EITHER, NOTHING, Cause, Explained, explain
 from h2nav.integrity.velocity_model import Known
 from h2nav.integrity.velocity_rows import VelocityRows
 from h2nav.integrity.velocity_windows import Mark
@@ -56,7 +56,7 @@ class SlowDrift:
             known: at its end.
             cleared: sensors that show the same as those of other IMUs.
         """
-        found = explain(self.rows.rows, known, cleared, SMALL_RAD)
+        found = explain(self.rows.rows, known, cleared, SMALL_RAD, MIN_OF_EITHER)
         # Whatever is no drift has been in a short window before.
         least_m_s2 = DRIFT_SHARE * max(self.rows.felt_m_s2, self.rows.usual_m_s2)
         if found.is_force_or_velocity and found.drift_m_s2 > least_m_s2:

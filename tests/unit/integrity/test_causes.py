@@ -211,8 +211,12 @@ def test_a_sound_flight_has_no_cause(seed):
 DRIFTS_M_S2 = (0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.3, 0.7)
 
 
+@pytest.mark.parametrize(
+    ("min_odds", "wanted"),
+    [(causes.SUSPECTED, "is_suspicious"), (causes.MIN_OF_EITHER, "is_force_or_velocity")],
+)
 @pytest.mark.parametrize("part", ["velocity", "force"])
-def test_only_what_cannot_be_suspected_is_left_out(part):
+def test_only_what_nobody_would_use_is_left_out(part, min_odds, wanted):
     compared, left_out = [], []
     for size in DRIFTS_M_S2:
         fault = {
@@ -224,11 +228,11 @@ def test_only_what_cannot_be_suspected_is_left_out(part):
             },
             "force": {"force_at": lambda t_s, size=size: (size * (t_s > 5.0), 0.0, 0.0)},
         }[part]
-        whole, found = signature(**fault), signature(**fault, min_odds=causes.SUSPECTED)
+        whole, found = signature(**fault), signature(**fault, min_odds=min_odds)
         if found == NOTHING:
-            left_out.append(whole.is_suspicious)
+            left_out.append(getattr(whole, wanted))
         else:
-            compared.append(whole.is_suspicious)
+            compared.append(getattr(whole, wanted))
             assert found == whole
     assert left_out
     assert not any(left_out)

@@ -36,6 +36,10 @@ def results(rng: random.Random) -> list[float]:
     since = model.since(begun, shapes)
     fits = [known, since.fit(known, (11, 12, 3, 4), 0.7), since.fit(known, (0,), 2.0)]
     found = [model.square, model.level, *model.misfits(known)]
+    extensions = [((11, 12, 3, 4), 0.7), ((0,), 2.0), ((), 1.0), ((5, 6), 0.3)]
+    found += since.likelihoods(known, extensions)
+    assert found[-4:-2] == [one.likelihood for one in fits[1:]]
+    assert found[-2] == known.likelihood
     for fit in fits:
         found += [fit.likelihood, fit.explained, *fit.unknowns(), *fit.root, *fit.sigmas]
     return found + [part for line in known.covariance((3, 5)) for part in line]
@@ -84,6 +88,19 @@ def test_buffers_that_do_not_fit_are_refused(compiled: ModuleType) -> None:
         ("extend", ((some(2), 0.0), further, bytes([1]), 1.0, grown)),
         ("extend", ((some(2), 0.0), further, bytes([0, 0]), 1.0, grown)),
         ("extend", ((some(1), 0.0), further, bytes([0]), 1.0, grown)),
+    ]
+    base = some(2), 0.0, some(3), some(2)
+    calls += [
+        ("likelihoods", (base, further, bytes([1, 1]), some(1), some(1))),  # of one shape
+        ("likelihoods", (base, further, bytes([2, 0]), some(1), some(1))),
+        ("likelihoods", (base, further, bytes([1, 0]), some(2), some(2))),
+        ("likelihoods", (base, further, bytes([1, 0, 0]), some(1), some(1))),
+        ("likelihoods", (base, further, bytes([1, 0]), some(1), some(2))),
+        ("likelihoods", (base, further, bytes([63, *[0] * 63]), some(1), some(1))),
+        ("likelihoods", ((some(2), 0.0, some(2), some(2)), further, b"", some(0), some(0))),
+        ("likelihoods", ((some(2), 0.0, some(3), some(1)), further, b"", some(0), some(0))),
+        ("likelihoods", (base, (some(1), some(1), some(1)), b"", some(0), some(0))),
+        ("likelihoods", (base, (some(2), some(2), some(1)), b"", some(0), some(0))),
     ]
     for name, arguments in calls:
         with pytest.raises(ValueError, match="do not fit together"):
