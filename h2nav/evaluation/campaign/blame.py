@@ -178,12 +178,12 @@ def false_reports(
         if told.part == NOBODY:
             if not we_are_wrong(told):
                 accused.alarms.append(told)
-        elif not _is_so(told, flight, sensors):
+        elif not is_so(told, flight, sensors):
             accused.accusations.append(told)
     return accused
 
 
-def _is_so(told: Told, flight: DrawnFlight, sensors: ShownBySensors) -> bool:
+def is_so(told: Told, flight: DrawnFlight, sensors: ShownBySensors) -> bool:
     """Whether what a finding says is true of the draw itself, without its faults."""
     finding, draw = told.finding, flight.draw
     span = slice(max(int(finding.from_s) - 2, 0), int(finding.to_s) + 2)
@@ -207,6 +207,10 @@ def _is_in_gap(finding: Finding, draw: Draw) -> bool:
 
 def fault_row(fault: Fault, every: Iterable[Told], others: Iterable[Fault]) -> dict[str, Any]:
     """What became of a fault.
+
+    Args:
+        every: findings, but for those of which the draw itself is the reason.
+        others: faults of the flight.
 
     Returns:
         ``outcome``: right (its part named within `PROMPT_S`), late (later), undecided (told, nobody

@@ -1,7 +1,7 @@
 """Scores a drawn flight: errors, honesty, false accusations, and what became of each fault."""
 
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from h2nav.integrity.kinds import Kind
 from h2nav.maths.attitude_errors import errors, honesty
 from h2nav.maths.rows import Array
 from h2nav.maths.units import HOUR_S
+from h2nav.sim.faults import Fault
 
 WRONG_HEADING_DEG, WRONG_TILT_DEG = 10.0, 3.0
 PERCENTILES = (50.0, 95.0, 99.0, 100.0)
@@ -63,11 +64,21 @@ def score(flight: DrawnFlight, heard: HeardDraw) -> dict[str, Any]:
         "calm_h": float(calm.sum()) / HOUR_S,
         **_false(every, flight, sensors, Errors(t_s, heading, tilt).are_as),
         "faults": [
-            blame.fault_row(one, every, draw.scheduled) | {"shows": shows(flight, one)}
+            _fault(one, every, flight, sensors)
             for one in draw.scheduled
             if blame.can_be_told(one, draw.length_s)
         ],
     }
+
+
+def _fault(
+    fault: Fault, every: Iterable[Told], flight: DrawnFlight, sensors: ShownBySensors
+) -> dict[str, Any]:
+    """What became of a fault; of an outage beside it the receiver is named with reason."""
+    about = [
+        told for told in every if blame.names(told, fault) or not blame.is_so(told, flight, sensors)
+    ]
+    return blame.fault_row(fault, about, flight.draw.scheduled) | {"shows": shows(flight, fault)}
 
 
 def _head(draw: Draw, heard: HeardDraw) -> dict[str, Any]:

@@ -507,6 +507,20 @@ def test_a_flight_whose_rest_outlasts_it_and_that_ends_within_a_second_is_scored
     assert not shown(flight).receiver[0]
 
 
+def test_an_outage_beside_a_fault_is_the_receivers_and_no_wrong_name():
+    fault = "gyro-bias=3@60+20/1"
+    for outages_per_h in (0.0, 600.0):
+        receiver = ReceiverDraw(outages_per_h=outages_per_h, outage_s=20.0)
+        flight = ideal(receiver=receiver, faults=(fault,))
+        t_us = [BOOT_US + 1_000_000 * second for second in range(1, 100)]
+        true = flight.motion.at(np.arange(1.0, 100.0)).q_nb
+        rows = array("d", np.column_stack((true, np.ones((len(true), 2)))).ravel())
+        lost = said(Kind.VELOCITY_LOST, GPS, 65.0).finding
+        heard = HeardDraw(array("q", t_us), rows, (lost,), {}, 0, 0.0)
+        (row,) = score(flight, heard)["faults"]
+        assert row["outcome"] == ("missed" if outages_per_h else "wrong")
+
+
 def test_at_rest_only_an_accelerometer_that_is_level_shows_the_tilt():
     """In motion velocities do; 1.5 deg are 26 mg."""
     rest_s = int(BRISK.rest_s)
