@@ -43,6 +43,7 @@ EarthFieldAt = Callable[[float, float, float, float], EarthField | None]
 STALE_AIRSPEED_NS = 2 * SECOND_NS
 FIELD_STEP_DEG = 0.5
 NOWHERE_DEG = 0.01
+YEAR_S = 365.25 * 86_400.0  # in which the field turns by 0.2 deg or less at most places
 # A distant place must be the only one received for this long before the field follows.
 FAR_PLACE_NS = 3 * SECOND_NS
 # Receivers give 5 to 25 fixes a second; a stalled link brings some at once.
@@ -73,7 +74,10 @@ def _on_imu_clock(t_us: int, newest_t_us: int) -> int:
 
 
 class FieldOfTheEarth:
-    """Evaluates the field model when the position is first known, and again after a long way.
+    """Evaluates the field model when the position is first known.
+
+    And again after a long way, or where the autopilot tells another year: a computer without a
+    clock of its own begins in one of its choice.
 
     Args:
         field_at: (latitude deg, longitude deg, altitude m, UNIX seconds) -> field.
@@ -84,12 +88,16 @@ class FieldOfTheEarth:
         self._settings = settings
         self._field_at = field_at
         self._place: Steady[Place] | None = None
-        self._unix_s = unix_s
+        self._unix_s = self._used_unix_s = unix_s
 
     @property
     def is_known(self) -> bool:
         """Whether the model has been evaluated."""
         return self._place is not None
+
+    @property
+    def _is_of_another_year(self) -> bool:
+        return abs(self._unix_s - self._used_unix_s) > YEAR_S
 
     def use_date(self, unix_s: float) -> None:
         """Takes the autopilot's date."""
@@ -101,8 +109,9 @@ class FieldOfTheEarth:
             return None
         if self._place is None:
             self._place = Steady(place, FAR_PLACE_NS, _is_near)
-        elif not self._place.take(t_ns, place):
+        elif not self._place.take(t_ns, place) and not self._is_of_another_year:
             return None
+        self._used_unix_s = self._unix_s
         field = self._field_at(*place, self._unix_s)
         if field is None or self._settings.declination == "wmm":
             return field

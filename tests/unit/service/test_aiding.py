@@ -91,6 +91,18 @@ def test_the_model_is_asked_with_the_date_that_the_autopilot_told():
     assert asked == [(*HOME, 1_800_000_000.0)]
 
 
+@pytest.mark.parametrize(("years", "is_asked_again"), [(0.9, False), (-1.1, True), (15.0, True)])
+def test_another_year_than_the_computers_is_asked_for_at_the_next_place(years, is_asked_again):
+    asked = []
+    field = field_of(asked)
+    field.at(0, HOME)
+    date_s = asked[0][-1] + years * 365.25 * 86_400.0
+    field.use_date(date_s)
+    told = [field.at(second * 10**9, HOME) for second in (1, 2)]
+    assert told == [FIELD if is_asked_again else None, None]
+    assert [one[-1] for one in asked[1:]] == [date_s] * is_asked_again
+
+
 def test_the_declination_is_the_models_the_chosen_one_or_none():
     assert field_of().at(0, HOME).declination_rad == FIELD.declination_rad
     chosen = field_of(declination="fixed", declination_deg=12.0).at(0, HOME)
