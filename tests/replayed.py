@@ -1,6 +1,7 @@
 """A recording through the pipeline, in this process, with everything that came out."""
 
 import dataclasses
+import math
 import struct
 from pathlib import Path
 
@@ -99,8 +100,20 @@ class Replayed:
 
 
 class QuicklyReplayed(Replayed):
-    """The same by the way of `h2nav replay`, in half the time (replay/test_quick_playback.py)."""
+    """The same by the way of `h2nav replay`, in half the time (replay/test_quick_playback.py).
+
+    Args:
+        path: a recording.
+        configuration: of the daemon.
+        until_s: how much of it is played.
+    """
+
+    def __init__(self, path: Path, configuration: Configuration, until_s: float = math.inf) -> None:
+        self._until_s = until_s
+        super().__init__(path, configuration)
 
     def _run(self, recording: Recording) -> None:
-        for _ in Playback(recording, whole_frames=False).through(self.pipeline):
-            pass
+        playback = Playback(recording, whole_frames=False)
+        for _ in playback.through(self.pipeline):
+            if playback.span_ns > 1e9 * self._until_s:
+                break

@@ -98,7 +98,8 @@ def test_raw_imu_serves_as_well_as_highres():
 
 def test_a_failing_imu_is_left_for_the_second_one():
     """deg; EKF3 with two lanes: .39. One IMU alone, whose sensors fail in turn: 9 to 18."""
-    replayed = QuicklyReplayed(shared_data("flights/imu_1_fails.tlog"), Configuration())
+    path = shared_data("flights/imu_1_fails.tlog")
+    replayed = QuicklyReplayed(path, Configuration(), until_s=140.0)
     assert replayed.errors(skip_s=60.0).total <= 0.5
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert switches == ["IMU 2 instead of 1: accelerometer is frozen"]
@@ -106,7 +107,8 @@ def test_a_failing_imu_is_left_for_the_second_one():
 
 def test_a_compass_with_hard_iron_is_left_for_the_second_one():
     """deg; EKF3: .43."""
-    replayed = QuicklyReplayed(shared_data("flights/compass_1_hard_iron.tlog"), Configuration())
+    path = shared_data("flights/compass_1_hard_iron.tlog")
+    replayed = QuicklyReplayed(path, Configuration(), until_s=130.0)
     assert replayed.errors(skip_s=60.0).total <= 0.5
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert switches == ["IMU 2 instead of 1: its compass is off"]
@@ -114,7 +116,8 @@ def test_a_compass_with_hard_iron_is_left_for_the_second_one():
 
 def test_a_compass_that_is_turned_is_named_as_the_cause():
     """Its gyro contradicts the field first, although it measures what the other two do."""
-    replayed = QuicklyReplayed(shared_data("flights/compass_1_turned.tlog"), Configuration())
+    path = shared_data("flights/compass_1_turned.tlog")
+    replayed = QuicklyReplayed(path, Configuration(), until_s=200.0)
     switches = [text for _, text in replayed.notices if "instead of" in text]
     assert [text.rpartition(": ")[2] for text in switches[:1]] == ["its compass is off"]
     assert not any("stuck" in text for _, text in replayed.notices)
@@ -136,7 +139,8 @@ def test_a_rover_whose_integers_repeat_has_sound_sensors():
 
 def test_an_imu_that_vibrates_is_left_for_a_calm_one():
     """deg; EKF3: .51 of tilt. The noise begins 96.2 s after the first message."""
-    replayed = QuicklyReplayed(shared_data("flights/imu_1_vibrates.tlog"), Configuration())
+    path = shared_data("flights/imu_1_vibrates.tlog")
+    replayed = QuicklyReplayed(path, Configuration(), until_s=150.0)
     (switch,) = [text for _, text in replayed.notices if "instead of" in text]
     assert switch.endswith("instead of 1: it vibrates")
     found = {
