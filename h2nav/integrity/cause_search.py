@@ -12,7 +12,15 @@ from typing import NamedTuple
 from h2nav.attitude.samples import SensorCorrection, SensorDoubt, SensorErrors
 from h2nav.integrity.bent import BentAttitude
 from h2nav.integrity.cause_alarms import cause_alarm
-from h2nav.integrity.causes import PROBABLY, SUSPECTED, Cause, Explained, doubt_of, explain
+from h2nav.integrity.causes import (
+    MAX_RECTIFIED,
+    PROBABLY,
+    SUSPECTED,
+    Cause,
+    Explained,
+    doubt_of,
+    explain,
+)
 from h2nav.integrity.contradiction import Contradiction
 from h2nav.integrity.corrected_sensor import CorrectedSensor
 from h2nav.integrity.correction import advanced
@@ -44,7 +52,8 @@ BLAME_US = 2_500_000
 SLOW_US = 15_000.0
 ALIASED = 3.0
 SHAKEN_M_S2 = 1.0
-# A force that shakes by more, rms, is rectified by tenths: it shows no velocity to be false.
+# A force that shakes by more, rms, is rectified by tenths: of a velocity it shows no smaller drift,
+# and no jump, to be false.
 RECTIFIED_M_S2 = 5.0
 # While either the force or the velocity is false, and nothing else, neither corrects the tilt: the
 # gyro carries it, for so long that its bias turns it by no more than is harmless.
@@ -365,7 +374,7 @@ class CauseSearch:
         has_jumped = found.has_jumped and found.decided is Cause.VELOCITY
         if t_us - since_us < BLAME_US and not has_jumped:
             return False
-        if seen.vibration_m_s2 > RECTIFIED_M_S2 or self.bent.is_shaken(t_us):
+        if _may_be_rectified(seen, found) or self.bent.is_shaken(t_us):
             return False
         if self.contradiction.decided is Cause.VELOCITY:
             return True
@@ -428,6 +437,13 @@ class CauseSearch:
         self._opened.correct(correction.tilt_sigma_rad, correction.heading_sigma_rad)
         self.restart()
         return correction
+
+
+def _may_be_rectified(seen: Situation, found: Explained) -> bool:
+    """Whether what a force that shakes is rectified to may look like the drift of a velocity."""
+    vibration_m_s2 = seen.vibration_m_s2
+    is_small = found.drift_m_s2 < MAX_RECTIFIED * vibration_m_s2
+    return vibration_m_s2 > RECTIFIED_M_S2 and is_small
 
 
 def _may_be_aliased(seen: Situation, found: Explained) -> bool:

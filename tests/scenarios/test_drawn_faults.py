@@ -29,12 +29,15 @@ def test_an_accelerometer_off_by_3_is_named_within_three_seconds_and_alone():
 
 
 @pytest.mark.thorough
-def test_a_spoofed_velocity_stays_out_for_as_long_as_it_is_false():
+@pytest.mark.parametrize("vibration_m_s2", [0.0, 7.5])
+def test_a_spoofed_velocity_stays_out_for_as_long_as_it_is_false(vibration_m_s2):
     """It was fused again when its beginning had left the window of 10 s: 10 deg of tilt."""
-    row, found = flown("gps-ramp=1.5@70.0+60", length_min=2.1, rate_hz=100.0)
+    imu = {"rate_hz": 100.0, "vibration_m_s2": vibration_m_s2}
+    row, found = flown("gps-ramp=1.5@70.0+60", length_min=2.1, **imu)
     assert found["outcome"] == "right"
     assert kinds(found) == set()
     assert row["tilt_deg"]["p50"] < 1.5
+    assert row["tilt_wrong_s"] < 5.0
 
 
 @pytest.mark.thorough

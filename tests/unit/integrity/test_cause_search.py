@@ -192,9 +192,11 @@ FALSE = decides(Cause.VELOCITY)
         (FALSE, {"field_holds": False}, None),
         (FALSE, {"ratios": LOUD._replace(turn_1s=0.49)}, 2.6),
         (FALSE, {"ratios": LOUD._replace(turn_1s=0.5)}, None),
-        # vibration is rectified into a drift
+        # vibration is rectified into a drift, but for a larger one
         (FALSE, {"vibration_m_s2": 4.9}, 2.6),
         (FALSE, {"vibration_m_s2": 5.1}, None),
+        (FALSE._replace(drift_m_s2=0.25), {"vibration_m_s2": 5.1}, None),
+        (FALSE._replace(drift_m_s2=0.52), {"vibration_m_s2": 5.1}, 2.6),
     ],
 )
 def test_when_a_velocity_is_refused(bench, found, seen, after_s):
