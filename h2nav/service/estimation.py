@@ -639,6 +639,7 @@ _REASONS = {
     SwitchCause.WORSE: "its gyro or force is off",
     SwitchCause.NOISE: "it vibrates",
     SwitchCause.COMPASS: "its compass is off",
+    SwitchCause.UNSURE: "its attitude is less certain",
 }
 
 

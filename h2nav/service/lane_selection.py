@@ -1,4 +1,4 @@
-"""Selects the lane that is sent: the first, until it is silent, faulty, shaken or clearly worse.
+"""Selects the lane that is sent: the first, until it is silent, faulty, shaken, unsure or worse.
 
 It never switches back without a cause: every switch is a step in the output, and the new lane has
 proved to be as good. Of those that pass their tests well, the most certain one follows: a ratio
@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
+from h2nav.maths.units import DEG
+
 CLEARLY = 0.5  # the other lane's ratio, relative to the ratio of the sent one
 LASTING_NS = 500_000_000
 # Longer than the silence after which another message of the same IMU takes over: that comes first,
@@ -20,6 +22,9 @@ SILENT_LASTING_NS = 100_000_000
 FIELD_LASTING_NS = 2_000_000_000
 # The noise of a lane refers to a whole second.
 NOISE_LASTING_NS = 1_000_000_000
+# An attitude that is not known any better may be known better in a moment.
+UNSURE_RAD = 10.0 * DEG
+UNSURE_LASTING_NS = 5_000_000_000
 GOOD_FIELD = 0.5
 # A test ratio below this says no more than this.
 GOOD_RATIO = 0.5
@@ -33,6 +38,7 @@ class SwitchCause(Enum):
     WORSE = "worse"
     NOISE = "noise"
     COMPASS = "compass"
+    UNSURE = "unsure"
 
 
 class Condition(NamedTuple):
@@ -51,7 +57,7 @@ class Condition(NamedTuple):
     @property
     def may_be_left(self) -> bool:
         """Whether anything is wrong with it, so that others are worth a look."""
-        fails = self.ratio > 1.0 or self.field_ratio > 1.0
+        fails = self.ratio > 1.0 or self.field_ratio > 1.0 or self.sigma_rad > UNSURE_RAD
         return fails or self.is_silent or self.is_shaken or self.compass_is_wrong
 
 
@@ -68,6 +74,7 @@ class LaneSelection:
     def __init__(self) -> None:
         self._cause: SwitchCause | None = None
         self._since_ns = 0
+        self._unsure_since_ns: int | None = None
 
     def look(self, t_ns: int, sent: int, lanes: Mapping[int, Condition]) -> Switch | None:
         """Compares the lanes; returns a switch, if any."""
@@ -79,6 +86,28 @@ class LaneSelection:
         }
         if any(not found.compass_is_wrong for found in others.values()):
             others = {n: found for n, found in others.items() if not found.compass_is_wrong}
+        switch = self._by_tests(t_ns, present, others) or self._by_deviation(t_ns, present, others)
+        if switch is not None:
+            self._unsure_since_ns = None
+        return switch
+
+    def _by_deviation(
+        self, t_ns: int, present: Condition, others: Mapping[int, Condition]
+    ) -> Switch | None:
+        """Leaves an attitude that is unsure; tests that come and go have another patience."""
+        surer = {lane: found for lane, found in others.items() if _is_surer(found, present)}
+        if not surer or present.sigma_rad < UNSURE_RAD:
+            self._unsure_since_ns = None
+            return None
+        if self._unsure_since_ns is None:
+            self._unsure_since_ns = t_ns
+        if t_ns - self._unsure_since_ns < UNSURE_LASTING_NS:
+            return None
+        return Switch(_best(surer), SwitchCause.UNSURE)
+
+    def _by_tests(
+        self, t_ns: int, present: Condition, others: Mapping[int, Condition]
+    ) -> Switch | None:
         cause = _cause(present, others)
         if cause is None:
             self._cause = None
@@ -93,7 +122,7 @@ class LaneSelection:
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
         if cause is SwitchCause.NOISE:
             others = {lane: found for lane, found in others.items() if _is_calmer(found, present)}
-        return Switch(min(others, key=lambda lane: (*_rank(others[lane]), lane)), cause)
+        return Switch(_best(others), cause)
 
 
 _PATIENCE_NS = {
@@ -124,13 +153,22 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause |
     return None
 
 
-def _rank(lane: Condition) -> tuple[float, float]:
-    """How much speaks against a lane: first its tests, then its deviation."""
-    return max(lane.ratio, GOOD_RATIO), lane.sigma_rad
+def _best(lanes: Mapping[int, Condition]) -> int:
+    """The lane that least speaks against: first by its tests, then by its deviation."""
+
+    def rank(lane: int) -> tuple[float, float, int]:
+        return max(lanes[lane].ratio, GOOD_RATIO), lanes[lane].sigma_rad, lane
+
+    return min(lanes, key=rank)
 
 
 def _sees_north(lane: Condition) -> bool:
     return lane.field_ratio < GOOD_FIELD
+
+
+def _is_surer(lane: Condition, present: Condition) -> bool:
+    passes = lane.ratio < GOOD_RATIO and not lane.field_ratio > 1.0
+    return passes and lane.sigma_rad < CLEARLY * present.sigma_rad
 
 
 def _is_calmer(lane: Condition, present: Condition) -> bool:

@@ -40,6 +40,38 @@ def test_a_failing_test_has_to_last():
     assert at_s == pytest.approx(0.5)
 
 
+DEG = math.pi / 180.0
+
+
+@pytest.mark.parametrize(
+    ("sent_deg", "other", "is_left"),
+    [
+        (10.1, GOOD._replace(sigma_rad=5.0 * DEG), True),
+        (9.9, GOOD._replace(sigma_rad=3.0 * DEG), False),
+        (40.0, GOOD._replace(sigma_rad=20.1 * DEG), False),
+        (40.0, GOOD._replace(sigma_rad=3.0 * DEG, ratio=0.6), False),
+        (40.0, GOOD._replace(sigma_rad=3.0 * DEG, field_ratio=1.1), False),
+        (40.0, GOOD._replace(sigma_rad=3.0 * DEG, field_ratio=math.nan), True),
+    ],
+)
+def test_an_attitude_that_is_unsure_for_five_seconds_is_left_for_a_surer_one(
+    sent_deg, other, is_left
+):
+    """Three compasses on steel: the one that was sent took a minute to be right in the air."""
+    found = first_switch(GOOD._replace(sigma_rad=sent_deg * DEG), BAD, other)
+    assert found == ((pytest.approx(5.0), Switch(2, SwitchCause.UNSURE)) if is_left else None)
+
+
+def test_a_compass_whose_test_comes_and_goes_does_not_keep_an_attitude_that_is_unsure():
+    selection, switches = LaneSelection(), []
+    for number in range(200):
+        field_ratio = 1.2 if number % 40 < 20 else 0.8
+        unsure = GOOD._replace(sigma_rad=15.0 * DEG, field_ratio=field_ratio)
+        switch = selection.look(number * STEP_NS, 0, {0: unsure, 1: GOOD})
+        switches += [(number * STEP_NS * 1e-9, switch)] if switch else []
+    assert switches[0] == (pytest.approx(5.0), Switch(1, SwitchCause.UNSURE))
+
+
 def test_only_a_lane_that_may_be_left_is_left():
     ratios = (0.1, 0.9, 1.0, 1.5, math.inf, math.nan)
     flags = (False, True)
@@ -220,7 +252,8 @@ def test_a_disturbed_compass_is_left_for_the_one_that_sees_north_best(others, ch
         ({"is_silent": True}, True),
         ({"is_shaken": True}, True),
         ({"compass_is_wrong": True}, True),
-        ({"noise_m_s2": 99.0, "sigma_rad": 3.0, "may_follow": False}, False),
+        ({"sigma_rad": 0.175}, True),
+        ({"noise_m_s2": 99.0, "sigma_rad": 0.174, "may_follow": False}, False),
     ],
 )
 def test_a_lane_may_be_left_if_anything_is_wrong_with_it(how, may):
