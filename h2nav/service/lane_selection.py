@@ -22,8 +22,9 @@ SILENT_LASTING_NS = 100_000_000
 FIELD_LASTING_NS = 2_000_000_000
 # The noise of a lane refers to a whole second.
 NOISE_LASTING_NS = 1_000_000_000
-# An attitude that is not known any better may be known better in a moment.
-UNSURE_RAD = 10.0 * DEG
+# Three times what a calibrated compass leaves of a heading is worth a step in what is sent, unless
+# it is known better in a moment.
+UNSURE_RAD = 12.0 * DEG
 UNSURE_LASTING_NS = 5_000_000_000
 GOOD_FIELD = 0.5
 # A test ratio below this says no more than this.

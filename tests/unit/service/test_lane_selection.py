@@ -46,8 +46,8 @@ DEG = math.pi / 180.0
 @pytest.mark.parametrize(
     ("sent_deg", "other", "is_left"),
     [
-        (10.1, GOOD._replace(sigma_rad=5.0 * DEG), True),
-        (9.9, GOOD._replace(sigma_rad=3.0 * DEG), False),
+        (12.1, GOOD._replace(sigma_rad=6.0 * DEG), True),
+        (11.9, GOOD._replace(sigma_rad=3.0 * DEG), False),
         (40.0, GOOD._replace(sigma_rad=20.1 * DEG), False),
         (40.0, GOOD._replace(sigma_rad=3.0 * DEG, ratio=0.6), False),
         (40.0, GOOD._replace(sigma_rad=3.0 * DEG, field_ratio=1.1), False),
@@ -66,7 +66,7 @@ def test_a_compass_whose_test_comes_and_goes_does_not_keep_an_attitude_that_is_u
     selection, switches = LaneSelection(), []
     for number in range(200):
         field_ratio = 1.2 if number % 40 < 20 else 0.8
-        unsure = GOOD._replace(sigma_rad=15.0 * DEG, field_ratio=field_ratio)
+        unsure = GOOD._replace(sigma_rad=16.0 * DEG, field_ratio=field_ratio)
         switch = selection.look(number * STEP_NS, 0, {0: unsure, 1: GOOD})
         switches += [(number * STEP_NS * 1e-9, switch)] if switch else []
     assert switches[0] == (pytest.approx(5.0), Switch(1, SwitchCause.UNSURE))
@@ -252,8 +252,8 @@ def test_a_disturbed_compass_is_left_for_the_one_that_sees_north_best(others, ch
         ({"is_silent": True}, True),
         ({"is_shaken": True}, True),
         ({"compass_is_wrong": True}, True),
-        ({"sigma_rad": 0.175}, True),
-        ({"noise_m_s2": 99.0, "sigma_rad": 0.174, "may_follow": False}, False),
+        ({"sigma_rad": 0.2095}, True),
+        ({"noise_m_s2": 99.0, "sigma_rad": 0.2094, "may_follow": False}, False),
     ],
 )
 def test_a_lane_may_be_left_if_anything_is_wrong_with_it(how, may):
