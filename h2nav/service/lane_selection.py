@@ -89,7 +89,7 @@ class LaneSelection:
             others = {n: found for n, found in others.items() if not found.compass_is_wrong}
         switch = self._by_tests(t_ns, present, others) or self._by_deviation(t_ns, present, others)
         if switch is not None:
-            self._unsure_since_ns = None
+            self._cause = self._unsure_since_ns = None
         return switch
 
     def _by_deviation(
@@ -117,7 +117,6 @@ class LaneSelection:
             self._cause, self._since_ns = cause, t_ns
         if t_ns - self._since_ns < _PATIENCE_NS[cause]:
             return None
-        self._cause = None
         if cause is SwitchCause.COMPASS and not present.compass_is_wrong:
             others = {lane: found for lane, found in others.items() if _sees_north(found)}
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)

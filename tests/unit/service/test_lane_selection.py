@@ -72,6 +72,18 @@ def test_a_compass_whose_test_comes_and_goes_does_not_keep_an_attitude_that_is_u
     assert switches[0] == (pytest.approx(5.0), Switch(1, SwitchCause.UNSURE))
 
 
+def test_after_a_switch_every_patience_begins_anew():
+    selection = LaneSelection()
+    unsure, disturbed = GOOD._replace(sigma_rad=13.0 * DEG), GOOD._replace(field_ratio=1.2)
+    for number in range(101):
+        field_ratio = 1.2 if number > 70 else 0.1
+        lanes = {0: unsure._replace(field_ratio=field_ratio), 1: GOOD}
+        switch = selection.look(number * STEP_NS, 0, lanes)
+    assert switch == Switch(1, SwitchCause.UNSURE)
+    left = [selection.look(n * STEP_NS, 1, {0: GOOD, 1: disturbed}) for n in range(101, 142)]
+    assert left == [None] * 40 + [Switch(0, SwitchCause.COMPASS)]
+
+
 def test_only_a_lane_that_may_be_left_is_left():
     ratios = (0.1, 0.9, 1.0, 1.5, math.inf, math.nan)
     flags = (False, True)
