@@ -639,7 +639,7 @@ _REASONS = {
     SwitchCause.WORSE: "its gyro or force is off",
     SwitchCause.NOISE: "it vibrates",
     SwitchCause.COMPASS: "its compass is off",
-    SwitchCause.UNSURE: "its attitude is less certain",
+    SwitchCause.UNSURE: "it is less certain",
 }
 
 
