@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TypeVar
@@ -27,8 +28,7 @@ def results(function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterat
                 yield function(task)
                 bar.update()
             return
-        # A forked child would inherit the locks of the parent's BLAS threads.
-        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        with _pool(workers) as pool:
             for result in pool.map(function, tasks):
                 yield result
                 bar.update()
@@ -47,9 +47,30 @@ def finished(
     if workers == 1:
         yield from map(function, tasks)
         return
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    with _pool(workers) as pool:
         try:
             for future in as_completed([pool.submit(function, task) for task in tasks]):
                 yield future.result()
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    # A forked child would inherit the locks of the parent's BLAS threads.
+    spawn = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent)
+
+
+def _end_with_parent() -> None:
+    """Ends this process when the one that started it is gone, however that ended.
+
+    A worker holds both ends of the queue of its tasks, and would wait for ever.
+    """
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
