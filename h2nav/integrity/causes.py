@@ -282,13 +282,11 @@ class _Beginning(NamedTuple):
         """The largest likelihood, as a logarithm."""
         bases = {id(one.base): one.base for one in self.hypotheses}
         return max(
-            max(
-                self.since.likelihoods(
-                    base,
-                    [(one.places, one.sigma) for one in self.hypotheses if one.base is base],
-                )
-            )
+            likelihood
             for base in bases.values()
+            for likelihood in self.since.likelihoods(
+                base, [(one.places, one.sigma) for one in self.hypotheses if one.base is base]
+            )
         )
 
     def variants(self) -> list[_Variant]:
