@@ -1,7 +1,7 @@
 """Compares several compasses: whether they differ, by how much, and which one is wrong.
 
 All fields are levelled by one attitude, so that its heading error cancels in their differences. Of
-three, the one that differs from all others is wrong if those agree; one whose norm or dip is not
+three, the one that differs is wrong if the others agree; one whose norm or dip is not
 the earth's is wrong if another's are; a heading confirmed by velocities decides between any number.
 Until then a heading may be off by as much as they differ.
 """
@@ -35,8 +35,10 @@ SAME_TIME_US = 100_000
 FASTEST_RAD_S = 60.0 * DEG
 # Any difference has to last for two seconds.
 MAX_RATIO = 1.5
-# Two compasses agree within this where a third one differs.
+# Two compasses agree within this share of the limit where a third one differs, if that differs
+# from each of them by more than so many times as much.
 AGREE = 0.7
+NEARER = 2.0
 
 
 class Level(NamedTuple):
@@ -289,15 +291,18 @@ class Compasses:
         return misfits if len(misfits) == 1 else ()
 
     def _is_alone(self, number: int, fresh: list[int]) -> bool:
-        """Whether it differs from all others, of which at least two agree."""
+        """Whether it differs from the others, of which at least two are nearer to each other."""
         others = [n for n in fresh if n != number]
-        if len(others) < 2:
-            return False
-        limit_rad = AGREE * self._limit_rad
-        agreeing = [self._pairs.get(pair) for pair in itertools.combinations(others, 2)]
-        agree = all(
-            both is not None and both.turn.is_fresh(self._t_us) and both.apart_rad < limit_rad
-            for both in agreeing
-        )
         mine = [self._pairs.get((min(n, number), max(n, number))) for n in others]
-        return agree and all(both is not None and both.test.is_raised for both in mine)
+        between = [self._pairs.get(pair) for pair in itertools.combinations(others, 2)]
+        if len(others) < 2 or not all(map(self._is_known, (*mine, *between))):
+            return False
+        apart_rad = max(both.apart_rad for both in between if both)
+        if apart_rad > AGREE * self._limit_rad or not any(
+            both.test.is_raised for both in mine if both
+        ):
+            return False
+        return all(NEARER * apart_rad < both.apart_rad for both in mine if both)
+
+    def _is_known(self, both: _Pair | None) -> bool:
+        return both is not None and both.turn.is_fresh(self._t_us)

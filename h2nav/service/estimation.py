@@ -22,6 +22,7 @@ from h2nav.integrity.velocity_witness import NO_DOUBT, OwnDoubt
 from h2nav.integrity.voting import Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
+from h2nav.service.attitude_votes import Vote, is_outvoted
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
@@ -146,6 +147,7 @@ class Estimation:
         self._first_ns: int | None = None
         self._voting, self._field_voting = Voting(), FieldVoting()
         self._tilts_apart_rad = 0.0  # from the one that is sent to the furthest
+        self._is_outvoted = False  # the one that is sent, by two others
 
     # --- what is known of the lane that is sent -----------------------------------------------
 
@@ -465,7 +467,7 @@ class Estimation:
             return ""
         self._compare_compasses(t_ns)
         if t_ns - self._tilts_ns >= SECOND_NS:
-            self._compare_tilts(t_ns)
+            self._compare_attitudes(t_ns)
         self._restart_lanes(t_ns)
         sent = self._lane
         conditions = {sent.imu: self._condition(t_ns, sent, sent)}
@@ -475,19 +477,26 @@ class Estimation:
         switch = self._selection.look(t_ns, sent.imu, conditions)
         return self._switched(switch) if switch is not None else ""
 
-    def _compare_tilts(self, t_ns: int) -> None:
-        """Opens the deviations of attitudes that differ by more than these allow."""
+    def _compare_attitudes(self, t_ns: int) -> None:
+        """Opens the deviations of tilts that differ by more than these allow; lets all vote."""
         self._tilts_ns, self._tilts_apart_rad = t_ns, 0.0
         lanes = [lane for lane in self._lanes if lane.may_be_right(t_ns)]
+        votes, between_rad, sent = [], 0.0, self._lane
         for one, other in itertools.combinations(lanes, 2):
-            apart_rad, _ = _apart(one, other)
-            if self._sent in (one, other) and apart_rad > self._tilts_apart_rad:
-                self._tilts_apart_rad = apart_rad
+            tilt_rad, heading_rad = _apart(one, other)
+            apart_rad = math.hypot(tilt_rad, heading_rad)
+            if sent in (one, other):
+                self._tilts_apart_rad = max(self._tilts_apart_rad, tilt_rad)
+                voter = one if other is sent else other
+                votes.append(Vote(voter.sigma_rad, voter.lent.of, apart_rad))
+            else:
+                between_rad = max(between_rad, apart_rad)
             first_rad, second_rad = shown_by_difference(
-                apart_rad, one.sigma_tilt_rad, other.sigma_tilt_rad
+                tilt_rad, one.sigma_tilt_rad, other.sigma_tilt_rad
             )
             one.monitor.open(first_rad)
             other.monitor.open(second_rad)
+        self._is_outvoted = is_outvoted(sent.sigma_rad, sent.lent.of, votes, between_rad)
 
     def _choose_lender(self, t_ns: int) -> None:
         """Chooses whose field the IMUs without a compass take."""
@@ -520,7 +529,8 @@ class Estimation:
     def _condition(self, t_ns: int, lane: Lane, sent: Lane) -> Condition:
         # VIBRATION does not name the IMU: the noise of the lanes shows which it is.
         shaken = self._shaking.clips(lane.imu, t_ns) > 0 or self._shaking.is_high(t_ns)
-        return lane.condition(t_ns, sent, is_reported=shaken)
+        is_outvoted = self._is_outvoted and lane is sent
+        return lane.condition(t_ns, sent, is_reported=shaken, is_outvoted=is_outvoted)
 
     def _first_lane(self, t_ns: int) -> Lane:
         """The first lane with samples; waits briefly for the preferred one."""
@@ -640,6 +650,7 @@ _REASONS = {
     SwitchCause.NOISE: "it vibrates",
     SwitchCause.COMPASS: "its compass is off",
     SwitchCause.UNSURE: "it is less certain",
+    SwitchCause.OUTVOTED: "the others agree",
 }
 
 

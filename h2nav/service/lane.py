@@ -174,6 +174,12 @@ class Lane:
         """The deviation of its tilt; NaN without an attitude."""
         return math.nan if self._filtered is None else self._filtered.sigma_tilt_rad
 
+    @property
+    def sigma_rad(self) -> float:
+        """Deviation of its attitude; zero without one."""
+        known = self._filtered
+        return 0.0 if known is None else math.hypot(known.sigma_tilt_rad, known.sigma_heading_rad)
+
     def lead(self, filtered: AttitudeEstimate) -> AttitudeEstimate:
         """Propagates an estimate of the filter to the time of its sample."""
         return extrapolated(filtered, self.timing.delays.gyro_s)
@@ -231,29 +237,30 @@ class Lane:
         """Why nothing of a stream that was usable is any more; empty if it is."""
         return self.trust.lost if self._was_used else ""
 
-    def condition(self, t_ns: int, sent: "Lane", *, is_reported: bool) -> Condition:
+    def condition(
+        self, t_ns: int, sent: "Lane", *, is_reported: bool, is_outvoted: bool = False
+    ) -> Condition:
         """The inputs of the selection for this lane.
 
         Args:
             t_ns: host time.
             sent: the lane that is sent; if it is silent, any rate suffices.
             is_reported: the autopilot reports that it vibrates.
+            is_outvoted: by the attitudes of two others.
         """
         enough_hz = ENOUGH_RATE * min(sent.rate_hz, self._wanted_hz)
         has_rate = sent.is_silent(t_ns) or sent.is_left or self.rate_hz >= enough_hz
         vibration_m_s2 = self.monitor.vibration_m_s2
-        filtered = self._filtered
         return Condition(
-            filtered is not None and not self.trust.needs_restart and has_rate,
+            self._filtered is not None and not self.trust.needs_restart and has_rate,
             self.is_silent(t_ns) or self.is_left,
             self.ratio,
             self._worst_ratios.field,
             vibration_m_s2,
             is_shaken=is_reported or vibration_m_s2 > VIBRATION_M_S2,
             compass_is_wrong=self.compass_is_wrong,
-            sigma_rad=0.0
-            if filtered is None
-            else math.hypot(filtered.sigma_tilt_rad, filtered.sigma_heading_rad),
+            sigma_rad=self.sigma_rad,
+            is_outvoted=is_outvoted,
         )
 
     def alarms(self, is_sent: bool) -> list[Alarm]:

@@ -1,4 +1,6 @@
-"""Selects the lane that is sent: the first, until it is silent, faulty, shaken, unsure or worse.
+"""Selects the lane that is sent: the first, until another one has to be.
+
+It is left while it is silent, faulty, shaken, unsure, outvoted or worse.
 
 It never switches back without a cause: every switch is a step in the output, and the new lane has
 proved to be as good. Of those that pass their tests well, the most certain one follows: a ratio
@@ -26,6 +28,7 @@ NOISE_LASTING_NS = 1_000_000_000
 # it is known better in a moment.
 UNSURE_RAD = 12.0 * DEG
 UNSURE_LASTING_NS = 5_000_000_000
+OUTVOTED_LASTING_NS = 5_000_000_000
 GOOD_FIELD = 0.5
 # A test ratio below this says no more than this.
 GOOD_RATIO = 0.5
@@ -40,6 +43,7 @@ class SwitchCause(Enum):
     NOISE = "noise"
     COMPASS = "compass"
     UNSURE = "unsure"
+    OUTVOTED = "outvoted"
 
 
 class Condition(NamedTuple):
@@ -54,12 +58,14 @@ class Condition(NamedTuple):
     is_shaken: bool = False  # its sensors vibrate beyond their range
     compass_is_wrong: bool = False  # other compasses and velocities contradict its own
     sigma_rad: float = 0.0  # deviation of its attitude
+    is_outvoted: bool = False  # by two others, whose attitudes agree
 
     @property
     def may_be_left(self) -> bool:
         """Whether anything is wrong with it, so that others are worth a look."""
         fails = self.ratio > 1.0 or self.field_ratio > 1.0 or self.sigma_rad > UNSURE_RAD
-        return fails or self.is_silent or self.is_shaken or self.compass_is_wrong
+        is_wrong = self.compass_is_wrong or self.is_outvoted
+        return fails or is_wrong or self.is_silent or self.is_shaken
 
 
 class Switch(NamedTuple):
@@ -131,6 +137,7 @@ _PATIENCE_NS = {
     SwitchCause.WORSE: LASTING_NS,
     SwitchCause.NOISE: NOISE_LASTING_NS,
     SwitchCause.COMPASS: FIELD_LASTING_NS,
+    SwitchCause.OUTVOTED: OUTVOTED_LASTING_NS,
 }
 
 
@@ -150,7 +157,7 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause |
         return SwitchCause.NOISE
     if present.field_ratio > 1.0 and any(map(_sees_north, others.values())):
         return SwitchCause.COMPASS
-    return None
+    return SwitchCause.OUTVOTED if present.is_outvoted else None
 
 
 def _best(lanes: Mapping[int, Condition]) -> int:

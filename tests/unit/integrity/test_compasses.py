@@ -230,6 +230,17 @@ def test_of_those_that_are_heard_no_more_nobody_is_alone():
     assert [alarm.sensor.numbers for alarm in compasses.alarms()] == [(1, 2)]
 
 
+@pytest.mark.parametrize(
+    ("third_deg", "wrong"),
+    [(-12.0, {0}), (9.9, {0}), (10.1, set()), (15.0, set()), (19.9, set()), (20.1, {1})],
+)
+def test_a_third_one_sides_with_the_nearer_of_two_that_differ(third_deg, wrong):
+    """It differs from neither by more than the limit of 24 deg, or from one of them."""
+    compasses = looked((30.0, 0.0, third_deg), seconds=5.0)
+    assert compasses.wrong == wrong
+    assert compasses.differ(0, 1)
+
+
 SHOWN = Level(quaternion.from_euler(0.0, 0.0, 10.0 * DEG), 0.1, True)
 
 

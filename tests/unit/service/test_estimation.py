@@ -514,6 +514,25 @@ def test_a_turn_of_one_field_may_be_that_of_gyro_or_compass_where_the_attitudes_
     assert flight.texts == ["IMU 2 instead of 1: it contradicts the field"]
 
 
+@pytest.mark.parametrize(
+    ("turned", "texts"),
+    [
+        ((HIGHRES,), ["IMU 2 instead of 1: the others agree"]),
+        ((HIGHRES, SECOND), []),
+        ((SECOND, THIRD), ["IMU 2 instead of 1: the others agree"]),
+        ((SECOND,), []),
+    ],
+)
+def test_of_three_headings_the_middle_one_is_sent(turned, texts):
+    """By compasses that are too near to each other to accuse one."""
+    flight, angle = Flight(sends=(HIGHRES, SECOND, THIRD)), math.radians(12.0)
+    for message in turned:
+        flight.fields[message] = (22.0 * math.cos(angle), 22.0 * math.sin(angle), -42.0)
+    flight.run(10.0)
+    assert flight.texts == texts
+    assert flight.estimation.alarms() == []
+
+
 def test_compasses_that_differ_are_reported_when_it_lasts():
     flight = Flight(sends=(HIGHRES, SECOND))
     flight.run(5.0)

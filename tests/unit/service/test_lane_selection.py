@@ -62,6 +62,13 @@ def test_an_attitude_that_is_unsure_for_five_seconds_is_left_for_a_surer_one(
     assert found == ((pytest.approx(5.0), Switch(2, SwitchCause.UNSURE)) if is_left else None)
 
 
+def test_an_attitude_that_is_outvoted_for_five_seconds_is_left():
+    outvoted = GOOD._replace(is_outvoted=True)
+    at_s, switch = first_switch(outvoted, GOOD._replace(sigma_rad=0.1), GOOD)
+    assert (at_s, switch) == (pytest.approx(5.0), Switch(2, SwitchCause.OUTVOTED))
+    assert first_switch(outvoted, BAD, SILENT) is None
+
+
 def test_a_compass_whose_test_comes_and_goes_does_not_keep_an_attitude_that_is_unsure():
     selection, switches = LaneSelection(), []
     for number in range(200):
@@ -91,6 +98,7 @@ def test_only_a_lane_that_may_be_left_is_left():
     for ratio, field, noise in itertools.product(ratios, ratios, (0.0, 9.0)):
         for silent, shaken, wrong in itertools.product(flags, flags, flags):
             lane = Condition(True, silent, ratio, field, noise, shaken, wrong)
+            assert lane._replace(is_outvoted=True).may_be_left
             left[lane.may_be_left] += first_switch(lane, GOOD, until_s=3.0) is not None
     assert left[False] == 0
     assert left[True] > 100
