@@ -13,7 +13,8 @@ from h2nav.maths.units import DEG
 MIN_APART_RAD = 8.0 * DEG
 # Those that agree are nearer to each other than this share of their distance from the third.
 AGREE = 0.5
-# An attitude that is known no better than this, or half as well as the one that is sent, has no vote.
+# An attitude that is known no better than this, or half as well as the one that is sent, has no
+# vote.
 MAX_SIGMA_RAD = 30.0 * DEG
 HALF_AS_WELL = 2.0
 
