@@ -55,6 +55,9 @@ SHAKEN_M_S2 = 1.0
 # A force that shakes by more, rms, is rectified by tenths: of a velocity it shows no smaller drift,
 # and no jump, to be false.
 RECTIFIED_M_S2 = 5.0
+# Between lost or slow samples of such a force a velocity contradicts for a moment: an undecided
+# contradiction is reported after this time.
+SHAKEN_US = 5_000_000
 # While either the force or the velocity is false, and nothing else, neither corrects the tilt: the
 # gyro carries it, for so long that its bias turns it by no more than is harmless.
 WITHHELD_US = 30_000_000
@@ -114,6 +117,7 @@ class CauseSearch:
         self.withheld_us: int | None = None
         self._rows, self._slow = VelocityRows(), SlowDrift()
         self._refusal = VelocityRefusal()
+        self._shakes = False  # the force, so much that it is rectified
         self._carried_us = 0  # when the attitude was last set back to that by the gyro
         # when it last may have drifted by more than is harmless
         self._drifted_us: int | None = None
@@ -180,7 +184,8 @@ class CauseSearch:
             found, since_s = refused or self._refusal.begun, 1e-6 * (t_us - since_us)
             return [cause_alarm(found, Cause.VELOCITY, imu, since_s, is_sure=is_sure)]
         begun_us = contradiction.begun_us
-        if begun_us is None or not contradiction.is_told(t_us):
+        least_us = SHAKEN_US if named is None and self._shakes else 0
+        if begun_us is None or t_us - begun_us < least_us or not contradiction.is_told(t_us):
             return self.corrected.alarms(imu, t_us, self._cleared)
         shown = None if named is None else contradiction.shown(named)
         since_s = (t_us - begun_us) * 1e-6
@@ -226,6 +231,7 @@ class CauseSearch:
             A doubt for the filter, and whether everything has to be measured anew behind it.
         """
         rows, known = self._rows, None
+        self._shakes = seen.vibration_m_s2 > RECTIFIED_M_S2
         if rows.take(mark, seen.errors):
             known = self._known(mark, seen, rows)
         self._follow_slowly(mark, seen)

@@ -166,6 +166,21 @@ def test_an_undecided_cause_is_doubted_after_a_while(bench):
     assert not is_correction
 
 
+@pytest.mark.parametrize(
+    ("share", "vibration_m_s2", "told_s"),
+    [(0.6, 4.9, 1.0), (0.6, 5.1, 5.0), (0.9999, 5.1, 1.0)],
+)
+def test_what_a_force_that_shakes_leaves_undecided_is_told_after_five_seconds(
+    bench, share, vibration_m_s2, told_s
+):
+    bench.take(decides(Cause.GYRO, share), vibration_m_s2=vibration_m_s2)
+    for _ in range(round(5 * told_s)):
+        assert bench.alarms() == []
+        bench.take(vibration_m_s2=vibration_m_s2)
+    (alarm,) = bench.alarms()
+    assert alarm.is_decided == (share > 0.9)
+
+
 def test_a_decided_cause_is_doubted_at_once(bench):
     doubt, _ = bench.take(decides(Cause.GYRO, rate_b=(0.01, 0.0, 0.0)))
     assert doubt is not None
