@@ -55,6 +55,8 @@ SHAKEN_M_S2 = 1.0
 # A force that shakes by more, rms, is rectified by tenths: of a velocity it shows no smaller drift,
 # and no jump, to be false.
 RECTIFIED_M_S2 = 5.0
+# What is only probable has to be larger by half: lost samples add to the mean.
+PROBABLY_RECTIFIED = 1.5 * MAX_RECTIFIED
 # Between lost or slow samples of such a force a velocity contradicts for a moment: an undecided
 # contradiction is reported after this time.
 SHAKEN_US = 5_000_000
@@ -380,10 +382,12 @@ class CauseSearch:
         has_jumped = found.has_jumped and found.decided is Cause.VELOCITY
         if t_us - since_us < BLAME_US and not has_jumped:
             return False
-        if _may_be_rectified(seen, found) or self.bent.is_shaken(t_us):
+        if self.bent.is_shaken(t_us):
             return False
         if self.contradiction.decided is Cause.VELOCITY:
-            return True
+            return not _may_be_rectified(seen, found)
+        if _may_be_rectified(seen, found, PROBABLY_RECTIFIED):
+            return False
         return found.is_seen and found.share(Cause.VELOCITY) > PROBABLY
 
     def _withhold(self, t_us: int, found: Explained, *, is_back: bool) -> None:
@@ -445,10 +449,10 @@ class CauseSearch:
         return correction
 
 
-def _may_be_rectified(seen: Situation, found: Explained) -> bool:
+def _may_be_rectified(seen: Situation, found: Explained, most: float = MAX_RECTIFIED) -> bool:
     """Whether what a force that shakes is rectified to may look like the drift of a velocity."""
     vibration_m_s2 = seen.vibration_m_s2
-    is_small = found.drift_m_s2 < MAX_RECTIFIED * vibration_m_s2
+    is_small = found.drift_m_s2 < most * vibration_m_s2
     return vibration_m_s2 > RECTIFIED_M_S2 and is_small
 
 

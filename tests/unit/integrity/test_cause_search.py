@@ -228,6 +228,18 @@ def test_when_a_velocity_is_refused(bench, found, seen, after_s):
     )
 
 
+@pytest.mark.parametrize(
+    ("share", "drift_m_s2", "is_refused"),
+    [(0.9999, 0.52, True), (0.91, 0.52, False), (0.91, 0.75, False), (0.91, 0.78, True)],
+)
+def test_beside_vibration_what_is_only_probable_has_to_be_larger_by_half(
+    bench, share, drift_m_s2, is_refused
+):
+    found = decides(Cause.VELOCITY, share, drift_m_s2=drift_m_s2)
+    bench.take(found, seconds=5.0, vibration_m_s2=5.1)
+    assert bench.search.velocity_is_false is is_refused
+
+
 def test_a_refused_velocity_is_told_and_heard(bench):
     bench.take(FALSE, seconds=4.0)
     (alarm,) = bench.alarms([Kind.GPS_VELOCITY])
