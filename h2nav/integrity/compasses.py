@@ -1,9 +1,9 @@
 """Compares several compasses: whether they differ, by how much, and which one is wrong.
 
 All fields are levelled by one attitude, so that its heading error cancels in their differences. Of
-three, the one that differs is wrong if the others agree; one whose norm or dip is not
-the earth's is wrong if another's are; a heading confirmed by velocities decides between any number.
-Until then a heading may be off by as much as they differ.
+three, the one that differs is wrong if the others agree; one whose norm or dip is not the earth's
+is wrong if another's are; a heading confirmed by velocities decides between any number. Until then
+a heading may be off by as much as they differ.
 """
 
 import cmath
@@ -291,18 +291,18 @@ class Compasses:
         return misfits if len(misfits) == 1 else ()
 
     def _is_alone(self, number: int, fresh: list[int]) -> bool:
-        """Whether it differs from the others, of which at least two are nearer to each other."""
+        """Whether it differs while the others, at least two, are nearer to each other."""
         others = [n for n in fresh if n != number]
-        mine = [self._pairs.get((min(n, number), max(n, number))) for n in others]
-        between = [self._pairs.get(pair) for pair in itertools.combinations(others, 2)]
-        if len(others) < 2 or not all(map(self._is_known, (*mine, *between))):
+        mine = [self._known((min(n, number), max(n, number))) for n in others]
+        between = [self._known(pair) for pair in itertools.combinations(others, 2)]
+        if not between or None in mine or None in between:
             return False
         apart_rad = max(both.apart_rad for both in between if both)
-        if apart_rad > AGREE * self._limit_rad or not any(
-            both.test.is_raised for both in mine if both
-        ):
-            return False
-        return all(NEARER * apart_rad < both.apart_rad for both in mine if both)
+        differs = any(both.test.is_raised for both in mine if both)
+        is_far = all(NEARER * apart_rad < both.apart_rad for both in mine if both)
+        return differs and is_far and apart_rad < AGREE * self._limit_rad
 
-    def _is_known(self, both: _Pair | None) -> bool:
-        return both is not None and both.turn.is_fresh(self._t_us)
+    def _known(self, pair: tuple[int, int]) -> _Pair | None:
+        """Two compasses of which both have been heard lately."""
+        both = self._pairs.get(pair)
+        return both if both is not None and both.turn.is_fresh(self._t_us) else None

@@ -27,8 +27,8 @@ NOISE_LASTING_NS = 1_000_000_000
 # Three times what a calibrated compass leaves of a heading is worth a step in what is sent, unless
 # it is known better in a moment.
 UNSURE_RAD = 12.0 * DEG
-UNSURE_LASTING_NS = 5_000_000_000
-OUTVOTED_LASTING_NS = 5_000_000_000
+# Of an attitude that is doubted while its sensors pass their tests.
+DOUBTED_LASTING_NS = 5_000_000_000
 GOOD_FIELD = 0.5
 # A test ratio below this says no more than this.
 GOOD_RATIO = 0.5
@@ -81,7 +81,7 @@ class LaneSelection:
     def __init__(self) -> None:
         self._cause: SwitchCause | None = None
         self._since_ns = 0
-        self._unsure_since_ns: int | None = None
+        self._doubted_since_ns: int | None = None
 
     def look(self, t_ns: int, sent: int, lanes: Mapping[int, Condition]) -> Switch | None:
         """Compares the lanes; returns a switch, if any."""
@@ -93,24 +93,27 @@ class LaneSelection:
         }
         if any(not found.compass_is_wrong for found in others.values()):
             others = {n: found for n, found in others.items() if not found.compass_is_wrong}
-        switch = self._by_tests(t_ns, present, others) or self._by_deviation(t_ns, present, others)
+        switch = self._by_tests(t_ns, present, others) or self._by_attitude(t_ns, present, others)
         if switch is not None:
-            self._cause = self._unsure_since_ns = None
+            self._cause = self._doubted_since_ns = None
         return switch
 
-    def _by_deviation(
+    def _by_attitude(
         self, t_ns: int, present: Condition, others: Mapping[int, Condition]
     ) -> Switch | None:
-        """Leaves an attitude that is unsure; tests that come and go have another patience."""
+        """Leaves an attitude that is doubted; tests that come and go have another patience."""
         surer = {lane: found for lane, found in others.items() if _is_surer(found, present)}
-        if not surer or present.sigma_rad < UNSURE_RAD:
-            self._unsure_since_ns = None
+        is_unsure = bool(surer) and present.sigma_rad >= UNSURE_RAD
+        if not is_unsure and not (others and present.is_outvoted):
+            self._doubted_since_ns = None
             return None
-        if self._unsure_since_ns is None:
-            self._unsure_since_ns = t_ns
-        if t_ns - self._unsure_since_ns < UNSURE_LASTING_NS:
+        if self._doubted_since_ns is None:
+            self._doubted_since_ns = t_ns
+        if t_ns - self._doubted_since_ns < DOUBTED_LASTING_NS:
             return None
-        return Switch(_best(surer), SwitchCause.UNSURE)
+        if is_unsure:
+            return Switch(_best(surer), SwitchCause.UNSURE)
+        return Switch(_best(others), SwitchCause.OUTVOTED)
 
     def _by_tests(
         self, t_ns: int, present: Condition, others: Mapping[int, Condition]
@@ -137,7 +140,6 @@ _PATIENCE_NS = {
     SwitchCause.WORSE: LASTING_NS,
     SwitchCause.NOISE: NOISE_LASTING_NS,
     SwitchCause.COMPASS: FIELD_LASTING_NS,
-    SwitchCause.OUTVOTED: OUTVOTED_LASTING_NS,
 }
 
 
@@ -157,7 +159,7 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause |
         return SwitchCause.NOISE
     if present.field_ratio > 1.0 and any(map(_sees_north, others.values())):
         return SwitchCause.COMPASS
-    return SwitchCause.OUTVOTED if present.is_outvoted else None
+    return None
 
 
 def _best(lanes: Mapping[int, Condition]) -> int:
