@@ -69,6 +69,16 @@ def test_an_attitude_that_is_outvoted_for_five_seconds_is_left():
     assert first_switch(outvoted, BAD, SILENT) is None
 
 
+def test_a_test_that_comes_and_goes_does_not_keep_an_attitude_that_is_outvoted():
+    selection, switches = LaneSelection(), []
+    for number in range(200):
+        ratio = 1.2 if number % 8 < 4 else 0.8
+        outvoted = GOOD._replace(is_outvoted=True, ratio=ratio)
+        switch = selection.look(number * STEP_NS, 0, {0: outvoted, 1: GOOD, 2: GOOD})
+        switches += [(number * STEP_NS * 1e-9, switch)] if switch else []
+    assert switches[0] == (pytest.approx(5.0), Switch(1, SwitchCause.OUTVOTED))
+
+
 def test_a_compass_whose_test_comes_and_goes_does_not_keep_an_attitude_that_is_unsure():
     selection, switches = LaneSelection(), []
     for number in range(200):
