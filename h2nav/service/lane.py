@@ -238,7 +238,7 @@ class Lane:
         return self.trust.lost if self._was_used else ""
 
     def condition(
-        self, t_ns: int, sent: "Lane", *, is_reported: bool, is_outvoted: bool
+        self, t_ns: int, sent: "Lane", *, is_reported: bool, is_outvoted: bool = False
     ) -> Condition:
         """The inputs of the selection for this lane.
 
