@@ -94,7 +94,8 @@ def read_beside_write(node: ast.AST, writers: Mapping[str, list[bool]]) -> str:
         writers: see `written_at_once`.
     """
     parts = list(_parts(node))
-    for part in parts:
+    writing = [(part, written) for part in parts if (written := _written(part, writers))]
+    for part, _ in writing:
         inner = read_beside_write(part, writers)
         if inner:
             return inner
@@ -102,9 +103,8 @@ def read_beside_write(node: ast.AST, writers: Mapping[str, list[bool]]) -> str:
         return ""
     if isinstance(node, ast.AugAssign) and _owner(node.target) in _written(node.value, writers):
         return _owner(node.target)
-    for part in parts:
-        beside = [other for other in parts if other is not part]
-        both = _written(part, writers) & _read(beside)
+    for part, written in writing:
+        both = written & _read(other for other in parts if other is not part)
         if both:
             return min(both)
     return ""
