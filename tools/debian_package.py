@@ -5,7 +5,7 @@ the demo in it, installs it again, removes and purges it, and fails where someth
 architecture other than this computer's runs under qemu-user (packages qemu-user-static and
 binfmt-support), some ten times slower. Needs root, a network and mmdebstrap.
 
-Run: python3 tools/debian_package.py build [--suite bookworm] [--arch arm64] [--level 1]
+Run: python3 tools/debian_package.py build [--suite bookworm] [--arch arm64] [--quick]
      python3 tools/debian_package.py check [--suite bookworm] [--arch arm64]
 """
 
@@ -30,7 +30,8 @@ SLIM = [
     "--dpkgopt=force-unsafe-io",
     '--aptopt=Acquire::Languages "none"',
 ]
-PACK = "dpkg-deb --root-owner-group -Zxz -z{level} --build"
+PACK = "dpkg-deb --root-owner-group {packing} --build"
+SMALL, QUICK = "-Zxz -z6", "-Zzstd -z1"
 # What the build reads; the rest of a checkout (.git, .venv, logs) stays outside.
 SOURCES = (
     *("h2nav", "configs", "gains", "native", "packaging", "docs", "tests", "tools", ".ci"),
@@ -82,7 +83,9 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("what", choices=("build", "check"))
     parser.add_argument("--suite", choices=SUITES, default=SUITES[0])
     parser.add_argument("--arch", choices=("amd64", "arm64"), default=own_architecture())
-    parser.add_argument("--level", type=int, default=6, help="of compression; 1 is quick")
+    parser.add_argument(
+        "--quick", action="store_true", help="pack in a second; half as large again"
+    )
     parser.add_argument("--output", type=Path, default=REPOSITORY / "dist", metavar="DIR")
     return parser.parse_args()
 
@@ -97,6 +100,7 @@ def build(arguments: argparse.Namespace) -> Path:
     version = re.search(r'__version__ = "(.*)"', (REPOSITORY / "h2nav/__init__.py").read_text())
     assert version is not None
     name = f"h2nav_{version[1]}~{arguments.suite}_{arguments.arch}.deb"
+    packing = QUICK if arguments.quick else SMALL
     with tempfile.TemporaryDirectory(prefix="h2nav-deb-") as folder:
         archive = Path(folder) / "source.tar"
         add_source(archive)
@@ -107,7 +111,7 @@ def build(arguments: argparse.Namespace) -> Path:
             f"--customize-hook=mkdir -p $1/src && tar -xf {archive} -C $1/src",
             "--customize-hook=chroot $1 sh /src/packaging/debian/make",
             # Outside, where xz is no emulated program.
-            f"--customize-hook={PACK.format(level=arguments.level)} $1/package {folder}/h2nav.deb",
+            f"--customize-hook={PACK.format(packing=packing)} $1/package {folder}/h2nav.deb",
         )
         target = arguments.output / name
         target.write_bytes((Path(folder) / "h2nav.deb").read_bytes())
