@@ -140,7 +140,7 @@ def newest(arguments: argparse.Namespace) -> Path:
 
 
 def check(package: Path, arguments: argparse.Namespace) -> None:
-    seconds = 20 if arguments.arch == own_architecture() else 40
+    seconds = 10 if arguments.arch == own_architecture() else 40
     with tempfile.TemporaryDirectory(prefix="h2nav-deb-") as folder:
         trial = Path(folder) / "trial"
         trial.write_text(TRIAL.format(seconds=seconds, installation=documented_installation()))
