@@ -39,9 +39,9 @@ from h2nav.maths.units import DEG, GRAVITY_M_S2
 # After a longer gap the filter aligns again; the bias is kept.
 LONGEST_GAP_S = 1.0
 LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
-# On the ground, a vehicle that is not heard for less may have taken off, but was not carried away:
-# it keeps an attitude that is older, unless it lies still, as the size of the force shows, and
-# otherwise.
+# In the air the rates at the ends of a gap carry an attitude that is older over so long. A vehicle
+# on the ground that is not heard for less may have taken off, but was not carried away: it keeps
+# such an attitude, unless it lies still, as the size of the force shows, and otherwise.
 CARRIED_S = 3.0
 STILL_M_S2 = 1.0
 # Larger inputs are implausible.
@@ -55,6 +55,8 @@ SURE_FIELD_UT = 0.25 * MAX_FIELD_UT
 HEAD_SIZE = 4
 # Deviation of a tilt that was not tracked for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
+# A tilt that is known worse than this is found sooner by a window of velocities.
+LOST_TILT_RAD = 10.0 * DEG
 _FLAGS = (
     (memory.FORCE_USED, Trust.FORCE_USED),
     (memory.FIELD_USED, Trust.FIELD_USED),
@@ -130,10 +132,13 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
             return self._standing(before_us, 0) if self._aligned else None
         if not is_plausible(sample.w_b, sample.f_b):
             return self._standing(t_us, memory.SATURATED) if self._aligned else None
-        if before_us is None or t_us - before_us > LONGEST_GAP_US or not self._aligned:
+        if before_us is None or not self._aligned:
             return self._begin(sample)
+        gap_us = t_us - before_us
+        if gap_us > LONGEST_GAP_US:
+            return self._carry(sample) if self._is_carried(gap_us) else self._begin(sample)
         fix = self._take_fix(t_us) if aiding.waiting is not None else None
-        bits = self._advance(sample, t_us - before_us, t_us < aiding.aided_until_us, fix)
+        bits = self._advance(sample, gap_us, t_us < aiding.aided_until_us, fix)
         self._t_us = t_us
         if self._air is not None:
             self._follow_in_air(self._air, sample)
@@ -304,6 +309,30 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         self._witness.clear()
         self._watch_in_air(sample.t_us)
         return self._standing(sample.t_us, bits)
+
+    def _is_carried(self, gap_us: int) -> bool:
+        """Whether the rates at the ends of a gap carry the attitude of a vehicle in the air."""
+        if not self._flies or self._air is not None or gap_us > 1e6 * CARRIED_S:
+            return False
+        return self._heading().age_s >= CARRIED_S
+
+    def _carry(self, sample: ImuSample) -> AttitudeEstimate:
+        """Continues after such a gap, with a heading that is doubted as the tilt is.
+
+        Source: docs/filter.md Eq. (73).
+        """
+        t_us, aiding = sample.t_us, self._aiding
+        gap_us = t_us - (self._t_us or 0)
+        aiding.bridge(gap_us)
+        self._witness.interrupt()
+        bits = self._advance(sample, gap_us, t_us < aiding.aided_until_us, None)
+        self._t_us = t_us
+        sigma_rad = self._estimate(t_us, bits).sigma_tilt_rad
+        self._open_attitude(0.0, math.hypot(sigma_rad, math.sqrt(self._heading().variance)))
+        if sigma_rad > LOST_TILT_RAD:
+            self._watch_in_air(t_us)
+        aiding.remember(t_us, self._gained())
+        return self._standing(t_us, bits)
 
     def _stays(self, sample: ImuSample, passed_us: float) -> bool:
         """Whether a vehicle on the ground keeps its attitude after so long without samples."""

@@ -93,6 +93,11 @@ class VelocityAiding:
         self.waiting = fix
         return True
 
+    def bridge(self, gap_us: int) -> None:
+        """Takes that nothing was heard for so long: no fix was lost meanwhile, nor is one late."""
+        self.aided_until_us += gap_us
+        self._fix_us += max(gap_us - 1e6 * OLDEST_S, 0.0)
+
     def expect_after(self, t_us: int) -> None:
         """Refuses fixes up to this time."""
         self.waiting = None
