@@ -17,6 +17,7 @@ from velocity_flights import (
     part,
     surge,
     sway,
+    tilt_apart,
     tilt_errors,
     turning,
     with_noise,
@@ -43,12 +44,12 @@ both_arithmetics = pytest.mark.parametrize("make", [new_filter, new_integer_filt
 
 
 def feed(
-    filter_: Filter, drive: Drive, field: bool = True, latency: int = 0
+    filter_: Filter, drive: Drive, field: bool = True, latency: int = 0, period_us: int = 200_000
 ) -> list[AttitudeEstimate | None]:
     """A fix every fifth of a second, so many samples old, whatever is missing between."""
     found = []
     for i, sample in enumerate(drive.flight.samples):
-        if sample.t_us % 200_000 == 0 and i >= latency:
+        if sample.t_us % period_us == 0 and i >= latency:
             north, east, _ = drive.v_n[i - latency]
             t_us = sample.t_us - 10_000 * latency
             filter_.use_velocity(VelocityFix(t_us, (north, east, math.nan), 0.1))
@@ -91,6 +92,34 @@ def test_a_window_in_the_air_begins_behind_what_shows_no_motion(lost: dict[str, 
     errors = tilt_errors(broken, feed(new_filter(), broken), GAP)
     assert errors[0] > 20.0 * DEG
     assert max(errors[300:]) < 1.0 * DEG
+
+
+def gently(t: float) -> Vec3:
+    return (0.2 * math.cos(0.3 * t), 0.2 * math.cos(0.4 * t), 0.2 * math.sin(0.2 * t))
+
+
+@both_arithmetics
+@pytest.mark.parametrize("lost", [105, 200, 295])
+def test_a_gap_of_seconds_in_the_air_is_bridged_by_the_rates_at_its_ends(
+    make: Maker, lost: int
+) -> None:
+    """Of a receiver with one fix a second, which takes four to find an attitude that was lost."""
+    drive = without_samples(accelerating(45.0, 41, law=gently), GAP, GAP + lost)
+    after = feed(make(), drive, period_us=1_000_000)[GAP : GAP + 400]
+    q_nb = drive.flight.q_nb[GAP : GAP + 400]
+    assert any(one is not None and one.trust & Trust.VELOCITY_USED for one in after[:105])
+    for q, one in zip(q_nb, after, strict=True):
+        assert one is not None
+        assert not one.trust & Trust.RESTARTED
+        assert tilt_apart(q, one.q_nb) < min(4.5 * DEG, 3.0 * one.sigma_tilt_rad)
+        assert abs(heading_apart(q, one.q_nb)) < 3.0 * one.sigma_heading_rad
+
+
+def test_a_longer_gap_in_the_air_begins_anew() -> None:
+    drive = without_samples(accelerating(45.0, 41, law=gently), GAP, GAP + 305)
+    after = feed(new_filter(), drive)[GAP]
+    assert after is not None
+    assert after.trust & Trust.RESTARTED
 
 
 @pytest.mark.parametrize("law", [sway, turning])
