@@ -59,10 +59,11 @@ class AirAlignment:
 
     Args:
         t_us: its start, the time of the last sample before it.
+        known_rad: deviation of the tilt then, which has to be known better.
     """
 
-    def __init__(self, t_us: int) -> None:
-        self._start_us = t_us
+    def __init__(self, t_us: int, known_rad: float = math.inf) -> None:
+        self._start_us, self._known_rad = t_us, known_rad
         self._t_us = t_us
         self._turn: Quat = IDENTITY
         self._gained: Vec3 = (0.0, 0.0, 0.0)
@@ -114,7 +115,7 @@ class AirAlignment:
             self._sums[i] += a * b
 
     def solve(self, q_nb: Quat, reference: AirReference, sigma_m_s: float) -> Leveled | None:
-        """The attitude now; None while the window is too short, or its velocities impossible.
+        """The attitude now; None while the window shows none, or none that is known better.
 
         Args:
             q_nb: the present attitude; its heading is kept if no field shows one.
@@ -146,6 +147,8 @@ class AirAlignment:
         # A wrong turn about the mean force tilts by as much as that leans.
         leaning = math.asin(level / size) * min(heading_sigma, math.sqrt(2.0))
         tilt_sigma = math.hypot(tilt_sigma, leaning)
+        if tilt_sigma > self._known_rad:
+            return None
         about: Vec3 = (turn * wanted[0], turn * wanted[1], turn * wanted[2])
         q_now = multiply(exp(about), multiply(start, self._turn))
         return Leveled(q_now, tilt_sigma, heading_sigma, length_s)
@@ -188,15 +191,16 @@ class AirAlignment:
 
     def values(self) -> tuple[float, ...]:
         """The complete state, as flat numbers."""
-        head = (self._start_us, self._t_us, *self._turn, *self._gained, *self._field, self._fields)
+        times = (self._start_us, self._t_us, self._known_rad)
+        head = (*times, *self._turn, *self._gained, *self._field, self._fields)
         return (*head, *self._sums, *itertools.chain(*self._past))
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "AirAlignment":
         """Restores a window from its `values`."""
-        made = cls(int(values[0]))
+        made = cls(int(values[0]), values[2])
         made._t_us = int(values[1])
-        w, x, y, z, *rest = values[2:]
+        w, x, y, z, *rest = values[3:]
         made._turn = (w, x, y, z)
         made._gained = (rest[0], rest[1], rest[2])
         made._field = (rest[3], rest[4], rest[5])

@@ -55,8 +55,6 @@ SURE_FIELD_UT = 0.25 * MAX_FIELD_UT
 HEAD_SIZE = 4
 # Deviation of a tilt that was not tracked for a while, in flight.
 AIR_TILT_SIGMA_RAD = 20.0 * DEG
-# A tilt that is known worse than this is found sooner by a window of velocities.
-LOST_TILT_RAD = 10.0 * DEG
 _FLAGS = (
     (memory.FORCE_USED, Trust.FORCE_USED),
     (memory.FIELD_USED, Trust.FIELD_USED),
@@ -329,8 +327,7 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         self._t_us = t_us
         sigma_rad = self._estimate(t_us, bits).sigma_tilt_rad
         self._open_attitude(0.0, math.hypot(sigma_rad, math.sqrt(self._heading().variance)))
-        if sigma_rad > LOST_TILT_RAD:
-            self._watch_in_air(t_us)
+        self._watch_in_air(t_us, sigma_rad)
         aiding.remember(t_us, self._gained())
         return self._standing(t_us, bits)
 

@@ -22,10 +22,15 @@ class VelocityAttitude(DoubtedSensors):
         super().__init__(gains)
         self._air: AirAlignment | None = None
 
-    def _watch_in_air(self, t_us: int) -> None:
-        """Begins a window in the air; without a known gyro bias the loop is better."""
+    def _watch_in_air(self, t_us: int, known_rad: float = math.inf) -> None:
+        """Begins a window in the air; without a known gyro bias the loop is better.
+
+        Args:
+            t_us: time of the sample before it.
+            known_rad: deviation of the tilt, if it is known.
+        """
         is_known = sum(self.sensor_errors.gyro_variance) < KNOWN_BIAS_RAD_S**2
-        self._air = AirAlignment(t_us) if is_known and self._flies else None
+        self._air = AirAlignment(t_us, known_rad) if is_known and self._flies else None
 
     def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
         """Adds a sample to the window; the window ends at its full length."""
