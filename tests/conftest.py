@@ -18,10 +18,17 @@ def pytest_xdist_auto_num_workers() -> int:
     return cores + cores // 2
 
 
+# Folders of tests that wait for processes, links and clocks most of the time.
+WAITING = ("authorities", "faults", "sitl")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with long tests come first, so that none of these is left alone at the end."""
+    """Files with long tests come first, so that none of these is left alone at the end.
+
+    Of these such that wait: meanwhile other tests, and in CI the packages, have the processor.
+    """
     long = {item.path for item in items if item.get_closest_marker("thorough") is not None}
-    items.sort(key=lambda item: item.path not in long)
+    items.sort(key=lambda i: (i.path not in long, i.path.parent.name not in WAITING))
 
 
 def pytest_collection() -> None:
