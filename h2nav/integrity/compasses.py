@@ -291,18 +291,32 @@ class Compasses:
         return misfits if len(misfits) == 1 else ()
 
     def _is_alone(self, number: int, fresh: list[int]) -> bool:
-        """Whether it differs while the others, at least two, are nearer to each other."""
-        others = [n for n in fresh if n != number]
-        mine = [self._known((min(n, number), max(n, number))) for n in others]
-        between = [self._known(pair) for pair in itertools.combinations(others, 2)]
-        if not between or None in mine or None in between:
-            return False
-        apart_rad = max(both.apart_rad for both in between if both)
-        differs = any(both.test.is_raised for both in mine if both)
-        is_far = all(NEARER * apart_rad < both.apart_rad for both in mine if both)
-        return differs and is_far and apart_rad < AGREE * self._limit_rad
+        """Whether it differs, while the others, at least two, agree.
 
-    def _known(self, pair: tuple[int, int]) -> _Pair | None:
-        """Two compasses of which both have been heard lately."""
-        both = self._pairs.get(pair)
-        return both if both is not None and both.turn.is_fresh(self._t_us) else None
+        From all of them, or from one by more than the limit and from each by more than these differ
+        from each other. What was alone remains so until it agrees again.
+        """
+        others = [n for n in fresh if n != number]
+        between_rad = self._apart_rad(others)
+        if len(others) < 2 or between_rad > AGREE * self._limit_rad:
+            return False
+        pairs = [self._pairs.get((min(n, number), max(n, number))) for n in others]
+        mine = [both for both in pairs if both is not None]
+        raised = [both for both in mine if both.test.is_raised]
+        if not raised or len(mine) < len(others):
+            return False
+        if len(raised) == len(others) or number in self.wrong:
+            return True
+        nearest_rad, furthest_rad = min(b.apart_rad for b in mine), max(b.apart_rad for b in mine)
+        return furthest_rad > self._limit_rad and nearest_rad > NEARER * between_rad
+
+    def _apart_rad(self, numbers: list[int]) -> float:
+        """The largest difference between some of them; infinite if one is not known."""
+        pairs = map(self._pairs.get, itertools.combinations(numbers, 2))
+        return max(
+            (
+                both.apart_rad if both and both.turn.is_fresh(self._t_us) else math.inf
+                for both in pairs
+            ),
+            default=math.inf,
+        )

@@ -241,6 +241,17 @@ def test_a_third_one_sides_with_the_nearer_of_two_that_differ(third_deg, wrong):
     assert compasses.differ(0, 1)
 
 
+@pytest.mark.parametrize("third_deg", [0.0, 8.0])
+def test_one_that_was_alone_and_agrees_again_is_not_undecided_meanwhile(third_deg):
+    """The other two differ by less than it, and it ends with them."""
+    compasses = looked((30.0, 0.0, third_deg), seconds=5.0)
+    assert compasses.wrong == {0}
+    for i in range(1, 60):
+        compasses.look(5_000_000 + STEP_US * i, turned((2.0, 0.0, third_deg)), LEVEL)
+        assert [alarm.is_decided for alarm in compasses.alarms()] in ([True], [])
+    assert compasses.alarms() == []
+
+
 SHOWN = Level(quaternion.from_euler(0.0, 0.0, 10.0 * DEG), 0.1, True)
 
 
