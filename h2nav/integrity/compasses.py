@@ -298,7 +298,7 @@ class Compasses:
         """
         others = [n for n in fresh if n != number]
         between_rad = self._apart_rad(others)
-        if len(others) < 2 or between_rad > AGREE * self._limit_rad:
+        if between_rad > AGREE * self._limit_rad:
             return False
         pairs = [self._pairs.get((min(n, number), max(n, number))) for n in others]
         mine = [both for both in pairs if both is not None]
@@ -311,12 +311,7 @@ class Compasses:
         return furthest_rad > self._limit_rad and nearest_rad > NEARER * between_rad
 
     def _apart_rad(self, numbers: list[int]) -> float:
-        """The largest difference between some of them; infinite if one is not known."""
-        pairs = map(self._pairs.get, itertools.combinations(numbers, 2))
-        return max(
-            (
-                both.apart_rad if both and both.turn.is_fresh(self._t_us) else math.inf
-                for both in pairs
-            ),
-            default=math.inf,
-        )
+        """The largest difference between some of them; infinite if one is unknown, or of one."""
+        pairs = [self._pairs.get(pair) for pair in itertools.combinations(numbers, 2)]
+        known = [both.apart_rad for both in pairs if both and both.turn.is_fresh(self._t_us)]
+        return max(known) if 0 < len(known) == len(pairs) else math.inf
