@@ -63,6 +63,9 @@ SHAKEN_DENSITY = 1e-3
 # The largest mean force that an accelerometer makes of vibration, as a share of its rms.
 MAX_RECTIFIED = 0.1
 SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blows
+# A blow that samples miss touches one or two of them. In the density of their noise, a mean over
+# 2 s, it leaves a 36th of the square of its change of velocity, 1/s, or more. Asked is half of it.
+BLOW_DENSITY = 1.0 / 72.0
 # A larger heading error is not a small angle.
 KNOWN_HEADING_RAD = 10.0 * DEG
 # Odds for a decision, and for the existence of a cause: one error in a thousand.
@@ -369,16 +372,23 @@ class _Comparison:
         """How likely what a shaken force hides, from every IMU, looks like a false velocity.
 
         Single samples miss a blow, and what vibration is rectified to. A larger constant is hidden
-        only by a line at a multiple of the samples' rate.
+        only by a line at a multiple of the samples' rate, and a jump by nothing but a blow, which
+        shakes the force.
         """
-        shaken_m_s2 = math.sqrt(self._shaken / self._known.period_s)
+        rectified_m_s2 = MAX_RECTIFIED * math.sqrt(self._shaken / self._known.period_s)
         line = math.log(self._window.hidden_share)
-        false = [one for one in variants if one.cause is Cause.VELOCITY]
+        shaken = max(self._shaken, *(row.errors.force_density for row in self._rows))
+        blow_m_s = math.sqrt(shaken / BLOW_DENSITY)
+
+        def share(one: _Variant) -> float:
+            own = one.fit.unknowns()[-one.own :]
+            jump = own[2:] if one.drifts else own
+            if math.hypot(*jump) > blow_m_s:
+                return -math.inf
+            return line if _drift_m_s2(one) > rectified_m_s2 else 0.0
+
         return mean(
-            [
-                one.likelihood + (line if _drift_m_s2(one) > MAX_RECTIFIED * shaken_m_s2 else 0.0)
-                for one in false
-            ]
+            [one.likelihood + share(one) for one in variants if one.cause is Cause.VELOCITY]
         )
 
     @staticmethod
@@ -422,7 +432,7 @@ class _Comparison:
             if is_jump:
                 jumped_us = self._rows[likeliest.begun].begun.moment.t_us
             if likeliest.own > 0:
-                step = math.hypot(*likeliest.fit.unknowns()[-likeliest.own :])
+                step = _size(likeliest)
         rate_b = force_b = (0.0, 0.0, 0.0)
         # Samples of a shaken force do not show its mean: nothing can be estimated from them.
         if self._shaken <= SHAKING_DENSITY:
@@ -603,7 +613,7 @@ class _Comparison:
             return False
         row = self._rows[one.begun]
         fastest_m_s2 = max(math.hypot(*row.begun.accel_n), math.hypot(*row.ended.accel_n))
-        return math.hypot(*one.fit.unknowns()[-one.own :]) < fastest_m_s2 * row.length_s
+        return _size(one) < fastest_m_s2 * row.length_s
 
     def _onsets(self) -> list[int]:
         """Rows at which a fault may begin."""
@@ -727,6 +737,11 @@ def _usual_shift(shifts: Sequence[Shift]) -> float:
         return math.inf
     squares = sum(u * u + v * v for _, u, v in shifts)
     return math.sqrt(squares / (2.0 * len(shifts)))
+
+
+def _size(one: _Variant) -> float:
+    """Of the fault that begins within the window, in its own unit."""
+    return math.hypot(*one.fit.unknowns()[-one.own :])
 
 
 def _drift_m_s2(one: _Variant) -> float:

@@ -18,7 +18,7 @@ from velocity_flights import (
     with_samples,
 )
 
-from h2nav.attitude.samples import SensorErrors, VelocityFix
+from h2nav.attitude.samples import ImuSample, SensorErrors, VelocityFix
 from h2nav.integrity import causes
 from h2nav.integrity.causes import NOTHING, Cause, Explained, Known, doubt_of
 from h2nav.integrity.findings import Kind, Sensor, SensorKind
@@ -191,13 +191,14 @@ def signature(
             noise = rng.normal(0.0, 0.05, 2)
             v_n = (v_n[0] + noise[0], v_n[1] + noise[1])
             mark = Mark(moment, v_n, 0.1, felt_n, accel_n, jerk_n, *SOUND)
-            rows.take(mark, errors)
+            knows = errors(t_s) if callable(errors) else errors
+            rows.take(mark, knows)
             before = mark
         x, y, z = surge(t_s)
         a, b, c = force_at(t_s)
         north, east, down = quaternion.rotate(q_nb, (x + a, y + b, z + c))
         gained += 0.01 * np.array((north, east, down - GRAVITY))
-    known = Known(errors, mark.moment, rows.jitter_m_s, force_density=force_density, shifts=shifts)
+    known = Known(knows, mark.moment, rows.jitter_m_s, force_density=force_density, shifts=shifts)
     return causes.explain(rows.rows, known, cleared, min_odds=min_odds)
 
 
@@ -318,13 +319,47 @@ def test_a_drift_may_be_a_shaken_force_if_that_is_rectified_to_so_much(shaken_m_
     assert (vibration > 0.4 * velocity) is may_be_hidden
 
 
-def test_a_jump_may_always_be_a_blow_that_a_shaken_force_hides():
+@pytest.mark.parametrize(
+    ("before", "behind", "may_be_a_blow"),
+    [(0.03, 0.03, False), (0.03, 0.2, True), (0.2, 0.2, True)],
+)
+def test_a_jump_is_a_blow_that_samples_miss_only_where_the_force_shakes_by_as_much(
+    before, behind, may_be_a_blow
+):
+    """Whether it shook so before or not; a blow of 3 m/s leaves 0.125 m^2/s^3 at least."""
+
     def jumped(t_s, v_n):
         north, east, down = v_n[round(100.0 * t_s)]
         return (north + (3.0 if t_s > 5.1 else 0.0), east, down)
 
-    found = signature(v_at=jumped, errors=ERRORS._replace(force_density=0.03))
-    assert found.share(Cause.VIBRATION) == pytest.approx(found.share(Cause.VELOCITY), rel=0.1)
+    def errors(t_s):
+        # It has faded again at the end.
+        density = before if not 5.1 < t_s < 8.0 else behind
+        return ERRORS._replace(force_density=density)
+
+    found = signature(v_at=jumped, errors=errors)
+    vibration, velocity = found.share(Cause.VIBRATION), found.share(Cause.VELOCITY)
+    assert vibration + velocity > 0.9
+    if may_be_a_blow:
+        assert vibration == pytest.approx(velocity, rel=0.1)
+    else:
+        assert found.decided is Cause.VELOCITY
+
+
+@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02])
+@pytest.mark.parametrize(
+    ("parts", "times"), [((1.0,), 12.0), ((0.5, 0.5), 2.0), ((0.8, 0.2), 5.6), ((0.3, 0.7), 3.6)]
+)
+def test_a_blow_of_one_or_two_samples_leaves_a_trace_in_their_noise(period_s, parts, times):
+    """Of the size that is taken for a blow at least twice as much."""
+    change_m_s, at = 3.0, round(8.0 / period_s)
+    blow = [change_m_s * part / period_s for part in parts]
+    filter_, largest = new_filter(), 0.0
+    for i in range(round(10.0 / period_s)):
+        x = blow[i - at] if at <= i < at + len(blow) else 0.0
+        filter_.update(ImuSample(round(1e6 * i * period_s), (0.0,) * 3, (x, 0.0, -GRAVITY)))
+        largest = max(largest, filter_.sensor_errors.force_density)
+    assert largest / (causes.BLOW_DENSITY * change_m_s**2) == pytest.approx(times, rel=0.05)
 
 
 def test_a_late_receiver_is_not_a_false_velocity():
