@@ -383,9 +383,10 @@ class _Comparison:
         def share(one: _Variant) -> float:
             own = one.fit.unknowns()[-one.own :]
             jump = own[2:] if one.drifts else own
-            if math.hypot(*jump) > blow_m_s:
-                return -math.inf
-            return line if _drift_m_s2(one) > rectified_m_s2 else 0.0
+            if math.hypot(*jump) <= blow_m_s and _drift_m_s2(one) <= rectified_m_s2:
+                return 0.0
+            # The constant of a line may begin within a row.
+            return line if one.drifts else -math.inf
 
         return mean(
             [one.likelihood + share(one) for one in variants if one.cause is Cause.VELOCITY]
