@@ -51,8 +51,11 @@ def finished(
         try:
             for future in as_completed([pool.submit(function, task) for task in tasks]):
                 yield future.result()
-        finally:
+        except BaseException:
+            # Nobody waits for what has begun. At the end the pool is waited for: a thread of it
+            # that was left behind found its pipe closed when the program ended.
             pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:

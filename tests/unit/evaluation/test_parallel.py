@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,12 @@ def test_each_task_has_its_result_in_order(tasks, monkeypatch):
     expected = [str(task) for task in tasks]
     assert list(results(str, tasks)) == expected
     assert list(finished(str, tasks, 1)) == expected
+
+
+def test_nothing_is_left_of_the_workers_behind_the_last_result():
+    before = set(threading.enumerate())
+    assert sorted(finished(str, [3, 1, 2], 2)) == ["1", "2", "3"]
+    assert set(threading.enumerate()) == before
 
 
 def test_workers_end_with_the_process_that_started_them(tmp_path: Path) -> None:
