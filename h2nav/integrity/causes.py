@@ -377,10 +377,10 @@ class _Comparison:
         """
         rectified_m_s2 = MAX_RECTIFIED * math.sqrt(self._shaken / self._known.period_s)
         line = math.log(self._window.hidden_share)
-        shaken = max(self._shaken, *(row.errors.force_density for row in self._rows))
-        blow_m_s = math.sqrt(shaken / BLOW_DENSITY)
+        density = max(self._shaken, *(row.errors.force_density for row in self._rows))
+        blow_m_s = math.sqrt(density / BLOW_DENSITY)
 
-        def share(one: _Variant) -> float:
+        def log_share(one: _Variant) -> float:
             own = one.fit.unknowns()[-one.own :]
             jump = own[2:] if one.drifts else own
             if math.hypot(*jump) <= blow_m_s and _drift_m_s2(one) <= rectified_m_s2:
@@ -389,7 +389,7 @@ class _Comparison:
             return line if one.drifts else -math.inf
 
         return mean(
-            [one.likelihood + share(one) for one in variants if one.cause is Cause.VELOCITY]
+            [one.likelihood + log_share(one) for one in variants if one.cause is Cause.VELOCITY]
         )
 
     @staticmethod

@@ -326,7 +326,7 @@ def test_a_drift_may_be_a_shaken_force_if_that_is_rectified_to_so_much(shaken_m_
 def test_a_jump_is_a_blow_that_samples_miss_only_where_the_force_shakes_by_as_much(
     before, behind, may_be_a_blow
 ):
-    """Whether it shook so before or not; a blow of 3 m/s leaves 0.125 m^2/s^3 at least."""
+    """Whether it shook so before or not: 0.125 m^2/s^3 is asked of a blow of 3 m/s."""
 
     def jumped(t_s, v_n):
         north, east, down = v_n[round(100.0 * t_s)]
