@@ -3,6 +3,7 @@
 Equations: docs/integrity.md, section 5.
 """
 
+from collections import deque
 from collections.abc import Collection
 
 from h2nav.attitude.samples import SensorErrors
@@ -26,17 +27,21 @@ class SlowDrift:
 
     Attributes:
         rows: of the window.
-        found: the explanation of the latest window, if a drift is its likeliest cause.
+        found: the explanation of the latest window, if a drift is its likeliest cause, and was that
+            of one of the two before: a drift goes on, and what scales and axes make of a manoeuvre
+            ends.
     """
 
     def __init__(self) -> None:
         self.rows = VelocityRows(ROW_S, LENGTH_S)
         self.found: Explained = NOTHING
+        self._drifted = deque((False, False), maxlen=2)  # by the windows before
 
     def restart(self) -> None:
         """Restarts, as the strapdown does."""
         self.rows.restart()
         self.found = NOTHING
+        self._drifted.extend((False, False))
 
     def forget(self) -> None:
         """Forgets the explanation until the next row."""
@@ -59,5 +64,7 @@ class SlowDrift:
         found = explain(self.rows.rows, known, cleared, SMALL_RAD, MIN_OF_EITHER)
         # Whatever is no drift has been in a short window before.
         least_m_s2 = DRIFT_SHARE * max(self.rows.felt_m_s2, self.rows.usual_m_s2)
-        if found.is_force_or_velocity and found.drift_m_s2 > least_m_s2:
+        drifts = found.is_force_or_velocity and found.drift_m_s2 > least_m_s2
+        if drifts and any(self._drifted):
             self.found = found
+        self._drifted.append(drifts)

@@ -4,7 +4,8 @@ import pytest
 from needs import DEG
 
 from h2nav.attitude.samples import SensorErrors
-from h2nav.integrity.causes import NOTHING, Cause
+from h2nav.integrity import slow_drift
+from h2nav.integrity.causes import NOTHING, Cause, Explained
 from h2nav.integrity.slow_drift import SlowDrift
 from h2nav.integrity.strapdown import Moment
 from h2nav.integrity.velocity_model import Known
@@ -20,7 +21,7 @@ UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 CALM = [Shift(round(4e5 * i), 0.05 * (-1) ** i, 0.05 * (-1) ** (i // 2)) for i in range(75)]
 
 
-def seen(velocity_at, length_s=32.0):
+def seen(velocity_at, length_s=33.2):
     """What the window shows of a vehicle that hovers."""
     slow = SlowDrift()
     for i in range(round(5.0 * length_s)):
@@ -42,6 +43,20 @@ def test_a_slow_drift_is_told():
     assert found.is_contradiction
     assert found.share(Cause.VELOCITY) > 0.5
     assert found.drift_m_s2 == pytest.approx(0.4, rel=0.3)
+
+
+def test_a_drift_that_only_one_window_shows_is_none(monkeypatch):
+    """As what scales and axes make of a manoeuvre, which ends."""
+    drift = Explained(9.0, ((Cause.VELOCITY, 1.0),), drift_m_s2=0.4)
+    slow = seen(drifting(0.0))
+    looks = [drift, NOTHING, NOTHING, drift, drift, NOTHING, drift]
+    monkeypatch.setattr(slow_drift, "explain", lambda *_: looks.pop(0))
+    found = []
+    while looks:
+        slow.forget()
+        slow.search(Known(ERRORS, slow.rows.rows[-1].ended.moment, 0.0, shifts=CALM), ())
+        found.append(slow.found)
+    assert found == [NOTHING, NOTHING, NOTHING, NOTHING, drift, NOTHING, drift]
 
 
 def test_what_scales_make_of_a_manoeuvre_is_none():
