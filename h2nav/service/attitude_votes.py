@@ -1,7 +1,8 @@
 """Whether two attitudes of other IMUs outvote the one that is sent.
 
 Of three independent estimates the middle one is the best, whatever else is known of them. Those of
-one compass are one vote about the heading.
+one compass are one vote about the heading; where all have that compass, it speaks for those that it
+fits better.
 """
 
 from collections.abc import Sequence
@@ -20,19 +21,19 @@ HALF_AS_WELL = 2.0
 
 
 class Vote(NamedTuple):
-    """One of the other attitudes."""
+    """One of the attitudes."""
 
     sigma_rad: float  # deviation of it
     compass: int  # the IMU whose field it uses
     apart_rad: float  # angle between it and the one that is sent
+    field_ratio: float  # of the test of its field; NaN if unknown
 
 
-def is_outvoted(sigma_rad: float, compass: int, votes: Sequence[Vote], between_rad: float) -> bool:
+def is_outvoted(sent: Vote, votes: Sequence[Vote], between_rad: float) -> bool:
     """Whether the other attitudes show that the one that is sent is wrong.
 
     Args:
-        sigma_rad: deviation of the one that is sent.
-        compass: the IMU whose field it uses.
+        sent: the one that is sent.
         votes: all others.
         between_rad: the largest angle between two of these.
     """
@@ -42,7 +43,9 @@ def is_outvoted(sigma_rad: float, compass: int, votes: Sequence[Vote], between_r
     if nearest_rad < MIN_APART_RAD or between_rad > AGREE * nearest_rad:
         return False
     compasses = {vote.compass for vote in votes}
-    if len(compasses) == 1 and compass not in compasses:
+    if len(compasses) == 1 and sent.compass not in compasses:
         return False
-    limit_rad = min(MAX_SIGMA_RAD, HALF_AS_WELL * sigma_rad)
+    if compasses == {sent.compass} and any(v.field_ratio >= sent.field_ratio for v in votes):
+        return False
+    limit_rad = min(MAX_SIGMA_RAD, HALF_AS_WELL * sent.sigma_rad)
     return all(vote.sigma_rad < limit_rad for vote in votes)

@@ -22,7 +22,7 @@ from h2nav.integrity.velocity_witness import NO_DOUBT, OwnDoubt
 from h2nav.integrity.voting import Voting
 from h2nav.maths.quaternion import conjugate, multiply, tilt_and_heading
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
-from h2nav.service.attitude_votes import Vote, is_outvoted
+from h2nav.service.attitude_votes import is_outvoted
 from h2nav.service.autopilot import Identity
 from h2nav.service.before_arming import BeforeArming
 from h2nav.service.health import Objection
@@ -488,7 +488,7 @@ class Estimation:
             if sent in (one, other):
                 self._tilts_apart_rad = max(self._tilts_apart_rad, tilt_rad)
                 voter = one if other is sent else other
-                votes.append(Vote(voter.sigma_rad, voter.lent.of, apart_rad))
+                votes.append(voter.vote(apart_rad))
             else:
                 between_rad = max(between_rad, apart_rad)
             first_rad, second_rad = shown_by_difference(
@@ -496,7 +496,7 @@ class Estimation:
             )
             one.monitor.open(first_rad)
             other.monitor.open(second_rad)
-        self._is_outvoted = is_outvoted(sent.sigma_rad, sent.lent.of, votes, between_rad)
+        self._is_outvoted = is_outvoted(sent.vote(0.0), votes, between_rad)
 
     def _choose_lender(self, t_ns: int) -> None:
         """Chooses whose field the IMUs without a compass take."""

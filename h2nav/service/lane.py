@@ -25,6 +25,7 @@ from h2nav.integrity.sensor_checks import VIBRATION_M_S2, Use
 from h2nav.integrity.sensor_pairs import InertialSensor
 from h2nav.integrity.voting import Suspicion, Verdict
 from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
+from h2nav.service.attitude_votes import Vote
 from h2nav.service.autopilot import Identity
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
 from h2nav.service.intake import NEW_EPOCHS, Incoming, Intake, Need
@@ -180,6 +181,10 @@ class Lane:
         known = self._filtered
         return 0.0 if known is None else math.hypot(known.sigma_tilt_rad, known.sigma_heading_rad)
 
+    def vote(self, apart_rad: float) -> Vote:
+        """Its vote on the attitude that is sent, from which it differs by an angle."""
+        return Vote(self.sigma_rad, self.lent.of, apart_rad, self._worst_ratios.field)
+
     def lead(self, filtered: AttitudeEstimate) -> AttitudeEstimate:
         """Propagates an estimate of the filter to the time of its sample."""
         return extrapolated(filtered, self.timing.delays.gyro_s)
@@ -261,6 +266,7 @@ class Lane:
             compass_is_wrong=self.compass_is_wrong,
             sigma_rad=self.sigma_rad,
             is_outvoted=is_outvoted,
+            turn_ratio=self.monitor.ratios.of_turn,
         )
 
     def alarms(self, is_sent: bool) -> list[Alarm]:

@@ -59,6 +59,7 @@ class Condition(NamedTuple):
     compass_is_wrong: bool = False  # other compasses and velocities contradict its own
     sigma_rad: float = 0.0  # deviation of its attitude
     is_outvoted: bool = False  # by two others, whose attitudes agree
+    turn_ratio: float = math.nan  # the part of `ratio` that the field's turn is; NaN if unknown
 
     @property
     def may_be_left(self) -> bool:
@@ -129,6 +130,8 @@ class LaneSelection:
         if cause is SwitchCause.COMPASS and not present.compass_is_wrong:
             others = {lane: found for lane, found in others.items() if _sees_north(found)}
             return Switch(min(others, key=lambda lane: (others[lane].field_ratio, lane)), cause)
+        if cause is SwitchCause.WORSE:
+            others = {lane: found for lane, found in others.items() if _is_better(found, present)}
         if cause is SwitchCause.NOISE:
             others = {lane: found for lane, found in others.items() if _is_calmer(found, present)}
         return Switch(_best(others), cause)
@@ -152,8 +155,7 @@ def _cause(present: Condition, others: Mapping[int, Condition]) -> SwitchCause |
         return SwitchCause.SILENT
     if present.compass_is_wrong and not all(o.compass_is_wrong for o in others.values()):
         return SwitchCause.COMPASS
-    best = min(found.ratio for found in others.values())
-    if present.ratio > 1.0 and best < CLEARLY * present.ratio:
+    if present.ratio > 1.0 and any(_is_better(found, present) for found in others.values()):
         return SwitchCause.WORSE
     if present.is_shaken and any(_is_calmer(found, present) for found in others.values()):
         return SwitchCause.NOISE
@@ -169,6 +171,12 @@ def _best(lanes: Mapping[int, Condition]) -> int:
         return max(lanes[lane].ratio, GOOD_RATIO), lanes[lane].sigma_rad, lane
 
     return min(lanes, key=rank)
+
+
+def _is_better(lane: Condition, present: Condition) -> bool:
+    # A field's turn is looked at when the next field comes, at another time in each lane.
+    is_untested = present.turn_ratio == present.ratio and math.isnan(lane.turn_ratio)
+    return not is_untested and lane.ratio < CLEARLY * present.ratio
 
 
 def _sees_north(lane: Condition) -> bool:

@@ -1,13 +1,19 @@
 """Two attitudes against a third one."""
 
+import math
+
 import pytest
 from needs import DEG
 
 from h2nav.service.attitude_votes import Vote, is_outvoted
 
 
-def vote(apart_deg, sigma_deg=4.0, compass=1):
-    return Vote(sigma_deg * DEG, compass, apart_deg * DEG)
+def vote(apart_deg, sigma_deg=4.0, compass=1, field_ratio=0.1):
+    return Vote(sigma_deg * DEG, compass, apart_deg * DEG, field_ratio)
+
+
+def sent(sigma_deg=4.0, field_ratio=0.2):
+    return vote(0.0, sigma_deg, 0, field_ratio)
 
 
 @pytest.mark.parametrize(
@@ -23,7 +29,7 @@ def vote(apart_deg, sigma_deg=4.0, compass=1):
 )
 def test_two_that_agree_outvote_one_that_is_eight_degrees_off(apart_deg, between_deg, is_wrong):
     votes = [vote(apart, compass=n) for n, apart in enumerate(apart_deg, 1)]
-    assert is_outvoted(4.0 * DEG, 0, votes, between_deg * DEG) is is_wrong
+    assert is_outvoted(sent(), votes, between_deg * DEG) is is_wrong
 
 
 @pytest.mark.parametrize(
@@ -32,7 +38,7 @@ def test_two_that_agree_outvote_one_that_is_eight_degrees_off(apart_deg, between
 )
 def test_an_attitude_that_is_known_worse_has_no_vote(sent_deg, other_deg, is_wrong):
     votes = [vote(12.0, 3.0), vote(12.0, other_deg, compass=2)]
-    assert is_outvoted(sent_deg * DEG, 0, votes, 1.0 * DEG) is is_wrong
+    assert is_outvoted(sent(sent_deg), votes, 1.0 * DEG) is is_wrong
 
 
 @pytest.mark.parametrize(
@@ -40,4 +46,20 @@ def test_an_attitude_that_is_known_worse_has_no_vote(sent_deg, other_deg, is_wro
 )
 def test_two_with_the_same_compass_are_one_vote_against_another_compass(compasses, is_wrong):
     votes = [vote(12.0, compass=compass) for compass in compasses]
-    assert is_outvoted(4.0 * DEG, 0, votes, 1.0 * DEG) is is_wrong
+    assert is_outvoted(sent(), votes, 1.0 * DEG) is is_wrong
+
+
+@pytest.mark.parametrize(
+    ("of_sent", "of_others", "is_wrong"),
+    [
+        (0.1, (0.2, 0.2), False),
+        (0.1, (0.05, 0.2), False),
+        (0.2, (0.1, 0.15), True),
+        (math.nan, (math.nan, math.nan), True),  # it has no field: gyros decide
+    ],
+)
+def test_the_compass_that_all_have_speaks_for_those_that_it_fits_better(
+    of_sent, of_others, is_wrong
+):
+    votes = [vote(12.0, compass=0, field_ratio=ratio) for ratio in of_others]
+    assert is_outvoted(sent(field_ratio=of_sent), votes, 1.0 * DEG) is is_wrong

@@ -140,6 +140,13 @@ def test_a_better_lane_is_no_cause_by_itself():
     assert first_switch(GOOD._replace(ratio=0.9), GOOD._replace(ratio=0.0)) is None
 
 
+def test_of_others_only_one_whose_field_has_been_tested_is_known_to_turn_less():
+    turning = GOOD._replace(ratio=1.2, turn_ratio=1.2)
+    tested = GOOD._replace(ratio=0.55, turn_ratio=0.4)
+    _, switch = first_switch(turning, GOOD, tested)
+    assert switch == Switch(2, SwitchCause.WORSE)
+
+
 def test_the_best_of_the_others_takes_over():
     _, switch = first_switch(BAD, GOOD._replace(ratio=0.8), GOOD._replace(ratio=0.6))
     assert switch.lane == 2
@@ -205,6 +212,10 @@ def test_a_wrong_compass_is_kept_where_all_are_wrong():
         (GOOD._replace(ratio=1.2), GOOD._replace(ratio=0.599), True),
         (GOOD._replace(ratio=1.2), GOOD._replace(ratio=0.6), False),
         (GOOD._replace(ratio=1.0), GOOD._replace(ratio=0.0), False),
+        # where the turn of its field fails, the other one's must have been tested, too
+        (GOOD._replace(ratio=1.2, turn_ratio=1.2), GOOD, False),
+        (GOOD._replace(ratio=1.2, turn_ratio=1.2), GOOD._replace(turn_ratio=0.1), True),
+        (GOOD._replace(ratio=1.2, turn_ratio=0.9), GOOD, True),
         (GOOD._replace(noise_m_s2=4.0, is_shaken=True), GOOD._replace(noise_m_s2=1.99), True),
         (GOOD._replace(noise_m_s2=4.0, is_shaken=True), GOOD._replace(noise_m_s2=2.0), False),
         # a compass sees north below half of the limit
