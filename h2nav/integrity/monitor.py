@@ -125,6 +125,7 @@ class Monitor(TakesInputs):
         self._other_excesses: Collection[float] = ()
         self._on_ground: bool | None = None
         self._landed_us = 0  # when it was first reported to be there
+        self._was_on_ground = False
         self._change_n: Vec3 = (0.0, 0.0, 0.0)  # of velocity, by the force of the last 10 s
         self._force_m_s2 = GRAVITY_M_S2  # mean size, of about the last 10 s
         self._windows: list[Window] = []
@@ -145,6 +146,7 @@ class Monitor(TakesInputs):
         """A new monitor of the same IMU, for a restarted clock."""
         fresh = Monitor(self._imu, self._speeds)
         fresh._on_ground = self._on_ground
+        fresh._was_on_ground = self._on_ground is True
         fresh._field.windows.use_field(self._field.windows.reference)
         fresh._watch.use_field_delay(self._watch.gains.field_delay_s)
         return fresh
@@ -405,6 +407,10 @@ class Monitor(TakesInputs):
             self._force_size.begin()
             self._field.windows.change_surroundings()
             self._landed_us = self._sample_us
+            if vehicle.on_ground and not self._was_on_ground:
+                # Without motors a sensor is quieter than it has ever been.
+                self._watch.forget_rest()
+                self._was_on_ground = True
         self._on_ground = vehicle.on_ground
 
     def use_delays(self, delays: SensorDelays) -> None:

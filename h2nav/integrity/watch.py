@@ -6,9 +6,12 @@ from h2nav.attitude.record import in_c
 from h2nav.attitude.samples import ImuSample, Vec3
 from h2nav.integrity.kernel.checks import check
 from h2nav.integrity.kernel.memory import Gains, Memory, Sample
+from h2nav.integrity.kernel.repeats import AXES, COMPASS, place
 from h2nav.integrity.kernel.windows import follow
 
 _NO_FIELD: Vec3 = (0.0, 0.0, 0.0)
+# Where the checks keep how often each channel repeats its values at rest.
+_AT_REST = (*range(AXES), *(place(channel, 0.0, 0.0) for channel in range(AXES, COMPASS)))
 
 
 class Watch:
@@ -35,6 +38,12 @@ class Watch:
     def interrupt(self) -> None:
         """Nothing of the past may be integrated with the next sample."""
         self.memory.is_running = 0.0
+
+    def forget_rest(self) -> None:
+        """Forgets how often values repeat where nothing turns; all of it was learnt in the air."""
+        memory = self.memory
+        for at in _AT_REST:
+            memory.seen[at] = memory.longest[at] = memory.runs[at] = 0.0
 
     def check(self, sample: ImuSample) -> int:
         """Takes a sample before the filter does; returns the bits of `kernel.checks.check`."""

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from random import Random
 
 import pytest
 from lanes import few_rows
@@ -287,6 +288,8 @@ def test_vibration_that_does_not_last_hides_no_drift_of_the_velocity(drift_m_s2)
     drifts_s = 75.0
 
     def shaken(i, sample):
+        if i < PERIOD:
+            return sample  # it begins with a known tilt
         phase = 2.0 * math.pi * 37.3 * 0.01 * i
         x, y, z = (part + 6.0 * math.sin(phase + k) for k, part in enumerate(sample.f_b))
         return sample._replace(f_b=(x, y, z))
@@ -464,6 +467,32 @@ def test_a_frozen_imu_is_told_at_once():
     held = flight().flight.samples[4000]
     rows = watched(from_fault(lambda s: s._replace(w_b=held.w_b, f_b=held.f_b)))
     assert 0.0 <= first_alarm(rows, "imu_frozen") < 0.2
+
+
+@pytest.mark.parametrize(
+    ("began_on_ground", "lands", "is_told"),
+    [(False, True, False), (False, False, True), (True, True, True)],
+)
+def test_what_was_only_seen_in_the_air_accuses_no_sensor_on_the_ground(
+    began_on_ground, lands, is_told
+):
+    """In whole mrad/s and mg, of which a resting sensor has hardly one of noise."""
+    monitor = Monitor(Sensor(SensorKind.IMU, 1), Speeds(10.0))
+    monitor.use_vehicle(FLYING._replace(on_ground=began_on_ground))
+    monitor.use_vehicle(FLYING)
+    random = Random(5)
+    for i in range(4000):
+        monitor.check(coarse(i, lambda: random.gauss(0.0, 0.005)))
+    monitor.use_vehicle(FLYING._replace(on_ground=lands))
+    for i in range(4000, 4100):
+        monitor.check(coarse(i, lambda: 0.0))
+    assert monitor.sensor_is_bad == is_told
+
+
+def coarse(i, noise):
+    """A sample of a vehicle that hovers, in the units of RAW_IMU."""
+    p, q, r, x, y, z = [1e-3 * round(1e3 * noise()) for _ in range(6)]
+    return ImuSample(10_000 * i, (p, q, r), (9.8 * x, 9.8 * y, 9.8 * (z - 1.0)), None)
 
 
 @pytest.mark.parametrize("lasts_s", [0.07, 10.0])
