@@ -7,6 +7,7 @@ that the bias may have led astray.
 """
 
 import itertools
+import math
 
 import numpy as np
 
@@ -388,6 +389,12 @@ def _whole_means(t_s: Array, values: Array, edges: Array) -> Array:
     return np.where(is_whole[:, None], means(t_s, values, edges), np.nan)
 
 
+def _scatter(values: Array) -> float:
+    """Deviation of neighbouring values, without their drift and jumps; NaN are left out."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    return 1.4826 * float(np.median(steps)) / math.sqrt(2.0) if len(steps) else 0.0
+
+
 def _disagreeing(
     kind: Kind,
     imus: list[int],
@@ -402,11 +409,13 @@ def _disagreeing(
         difference = values[one] - values[other]
         apart = np.linalg.norm(difference, axis=1)
         places = apart > limit
-        # The effect of vibration on slow samples changes its direction.
-        if (
-            np.count_nonzero(places) >= MIN_WINDOWS
-            and np.linalg.norm(difference[places].mean(axis=0)) > limit[places].mean()
-        ):
+        if np.count_nonzero(places) < MIN_WINDOWS:
+            continue
+        # The effect of vibration on slow samples changes its direction, from window to window.
+        mean = difference[places].mean(axis=0)
+        size = float(np.linalg.norm(mean))
+        chance = CHANCE_SIGMAS * _scatter(difference @ mean / max(size, 1e-9))
+        if size > max(float(limit[places].mean()), chance):
             beyond[one, other] = apart
     suspects = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
     if len(suspects) > 1:
