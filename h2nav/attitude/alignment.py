@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from h2nav.attitude.samples import ImuSample, Quat, Vec3
 from h2nav.maths.quaternion import IDENTITY, exp, from_matrix, multiply, rotate
+from h2nav.maths.units import GRAVITY_M_S2
 from h2nav.maths.vectors import ZERO, cross, plus
 
 # Sine of the angle between force and field below which they name no heading.
@@ -49,6 +50,7 @@ class Alignment(NamedTuple):
         turn: attitude of the body against its attitude at the window's start.
         force, field: sums of the vectors in the axes of the window's start.
         forces, fields: their numbers; a field of zero shows no north and is none.
+        rough_m_s2: by how much the size of a force has differed from gravity's, at most.
     """
 
     t_us: int
@@ -58,6 +60,7 @@ class Alignment(NamedTuple):
     field: Vec3
     forces: int
     fields: int
+    rough_m_s2: float = 0.0
 
 
 def begin(sample: ImuSample) -> Alignment:
@@ -90,13 +93,18 @@ def attitude(window: Alignment) -> Quat:
 
 
 def _add(window: Alignment, sample: ImuSample) -> Alignment:
-    force = plus(window.force, rotate(window.turn, sample.f_b))
-    if sample.m_b_ut is None or sample.m_b_ut == ZERO:
-        return window._replace(force=force, forces=window.forces + 1)
-    field = plus(window.field, rotate(window.turn, sample.m_b_ut))
-    return window._replace(
-        force=force, field=field, forces=window.forces + 1, fields=window.fields + 1
+    rough_m_s2 = window.rough_m_s2
+    if sample.f_b != ZERO:
+        rough_m_s2 = max(rough_m_s2, abs(math.hypot(*sample.f_b) - GRAVITY_M_S2))
+    added = window._replace(
+        force=plus(window.force, rotate(window.turn, sample.f_b)),
+        forces=window.forces + 1,
+        rough_m_s2=rough_m_s2,
     )
+    if sample.m_b_ut is None or sample.m_b_ut == ZERO:
+        return added
+    field = plus(window.field, rotate(window.turn, sample.m_b_ut))
+    return added._replace(field=field, fields=window.fields + 1)
 
 
 def _across(down: Vec3, v: Vec3) -> Vec3 | None:

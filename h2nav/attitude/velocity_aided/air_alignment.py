@@ -60,10 +60,11 @@ class AirAlignment:
     Args:
         t_us: its start, the time of the last sample before it.
         known_rad: deviation of the tilt then, which has to be known better.
+        drift_rad_s: of the gyro's bias, which turns the forces of the window.
     """
 
-    def __init__(self, t_us: int, known_rad: float = math.inf) -> None:
-        self._start_us, self._known_rad = t_us, known_rad
+    def __init__(self, t_us: int, known_rad: float = math.inf, drift_rad_s: float = 0.0) -> None:
+        self._start_us, self._known_rad, self._drift_rad_s = t_us, known_rad, drift_rad_s
         self._t_us = t_us
         self._turn: Quat = IDENTITY
         self._gained: Vec3 = (0.0, 0.0, 0.0)
@@ -147,6 +148,7 @@ class AirAlignment:
         # A wrong turn about the mean force tilts by as much as that leans.
         leaning = math.asin(level / size) * min(heading_sigma, math.sqrt(2.0))
         tilt_sigma = math.hypot(tilt_sigma, leaning)
+        tilt_sigma = math.hypot(tilt_sigma, 0.5 * self._drift_rad_s * length_s)
         if tilt_sigma > self._known_rad:
             return None
         about: Vec3 = (turn * wanted[0], turn * wanted[1], turn * wanted[2])
@@ -191,16 +193,16 @@ class AirAlignment:
 
     def values(self) -> tuple[float, ...]:
         """The complete state, as flat numbers."""
-        times = (self._start_us, self._t_us, self._known_rad)
+        times = (self._start_us, self._t_us, self._known_rad, self._drift_rad_s)
         head = (*times, *self._turn, *self._gained, *self._field, self._fields)
         return (*head, *self._sums, *itertools.chain(*self._past))
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "AirAlignment":
         """Restores a window from its `values`."""
-        made = cls(int(values[0]), values[2])
+        made = cls(int(values[0]), values[2], values[3])
         made._t_us = int(values[1])
-        w, x, y, z, *rest = values[3:]
+        w, x, y, z, *rest = values[4:]
         made._turn = (w, x, y, z)
         made._gained = (rest[0], rest[1], rest[2])
         made._field = (rest[3], rest[4], rest[5])

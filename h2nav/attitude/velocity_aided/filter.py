@@ -49,6 +49,8 @@ from h2nav.maths.units import GRAVITY_M_S2
 # How long a field is awaited; least time over which the forces are averaged.
 FIELD_WAIT_S = 0.25
 ALIGN_S = 0.02
+# In the air a force whose size is further from gravity's shows no tilt, that of a moment least.
+ROUGH_M_S2, ROUGH_S = 2.0, 1.0
 WIDE_OFFSET = 0.1  # of the field's norm
 # The kernel's results for an estimate, in their order.
 _HELD = ("q_nb", "gyro_bias", "innovation")
@@ -367,7 +369,8 @@ class VelocityAidedFilter(VelocityAidedShell):
             self._window = alignment.extend(self._window, sample, (x, y, z))
         window = self._window
         wait = ALIGN_S if window.fields else FIELD_WAIT_S
-        if window.length_s < wait:
+        is_rough = self._flies and window.rough_m_s2 > ROUGH_M_S2
+        if window.length_s < (ROUGH_S if is_rough else wait):
             return None
         self._window = None
         try:
@@ -383,7 +386,7 @@ class VelocityAidedFilter(VelocityAidedShell):
             s.mag_accepted_age_s = -1.0
             expect_vertical_bias(s, self._g)
         s.age_s = s.heading_unknown = 0.0
-        return self._start(sample, LEVEL_SIGMA)
+        return self._start(sample, AIR_TILT_SIGMA_RAD if is_rough else LEVEL_SIGMA)
 
     def _resume(self, sample: ImuSample) -> int:
         # A force in flight shows the tilt less well than the last one.

@@ -305,8 +305,9 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
             return None
         self._aiding.clear()
         self._witness.clear()
-        self._watch_in_air(sample.t_us)
-        return self._standing(sample.t_us, bits)
+        begun = self._standing(sample.t_us, bits)
+        self._watch_in_air(sample.t_us, sigma_rad=begun.sigma_tilt_rad)
+        return begun
 
     def _is_carried(self, gap_us: int) -> bool:
         """Whether the rates at the ends of a gap carry the attitude of a vehicle in the air."""

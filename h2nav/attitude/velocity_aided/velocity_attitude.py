@@ -11,8 +11,10 @@ from h2nav.attitude.velocity_aided.velocity_aiding import MIN_SIGMA_M_S
 from h2nav.maths.units import DEG
 from h2nav.maths.vectors import ZERO
 
-# A larger bias turns the forces of a window in the air by more than the velocities can show.
+# A larger bias turns the forces of a window in the air by more than the velocities can show, unless
+# nothing else shows the tilt.
 KNOWN_BIAS_RAD_S = 0.3 * DEG
+UNKNOWN_TILT_RAD = 10.0 * DEG
 
 
 class VelocityAttitude(DoubtedSensors):
@@ -22,15 +24,19 @@ class VelocityAttitude(DoubtedSensors):
         super().__init__(gains)
         self._air: AirAlignment | None = None
 
-    def _watch_in_air(self, t_us: int, known_rad: float = math.inf) -> None:
-        """Begins a window in the air; without a known gyro bias the loop is better.
+    def _watch_in_air(self, t_us: int, known_rad: float = math.inf, sigma_rad: float = 0.0) -> None:
+        """Begins a window in the air; if neither bias nor tilt is known, too.
 
         Args:
             t_us: time of the sample before it.
-            known_rad: deviation of the tilt, if it is known.
+            known_rad: deviation of the tilt that the window has to show better.
+            sigma_rad: deviation of the tilt, at a start.
         """
-        is_known = sum(self.sensor_errors.gyro_variance) < KNOWN_BIAS_RAD_S**2
-        self._air = AirAlignment(t_us, known_rad) if is_known and self._flies else None
+        drift_rad_s = math.sqrt(sum(self.sensor_errors.gyro_variance))
+        may_show = drift_rad_s < KNOWN_BIAS_RAD_S or sigma_rad > UNKNOWN_TILT_RAD
+        self._air = None
+        if may_show and self._flies:
+            self._air = AirAlignment(t_us, known_rad, drift_rad_s)
 
     def _follow_in_air(self, window: AirAlignment, sample: ImuSample) -> None:
         """Adds a sample to the window; the window ends at its full length."""

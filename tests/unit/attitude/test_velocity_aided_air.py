@@ -21,11 +21,13 @@ from velocity_flights import (
     tilt_errors,
     turning,
     with_noise,
+    with_samples,
     without_samples,
 )
 
 from h2nav.attitude.samples import (
     AttitudeEstimate,
+    ImuSample,
     Trust,
     Vec3,
     VehicleState,
@@ -277,6 +279,32 @@ def test_fixes_that_were_missing_at_speed_do_not_silence_the_velocities(make: Ma
         filter_.update(sample)
         if i in (1490, 2500):
             assert filter_.kernel_state.heading_witnessed == 1
+
+
+def shaken(drive: Drive) -> Drive:
+    """All forces with 25 m/s^2 of 20 Hz along z; the first three show the vehicle upside down."""
+
+    def shake(i: int, sample: ImuSample) -> ImuSample:
+        x, y, z = sample.f_b
+        return sample._replace(f_b=(x, y, z + 25.0 * math.cos(0.4 * math.pi * (i - 1))))
+
+    return with_samples(drive, shake)
+
+
+def test_a_start_among_vibration_in_the_air_is_found_by_velocities() -> None:
+    drive = shaken(accelerating(8.0, 53, law=turning))
+    filter_ = new_filter(knows_field=True)
+    found = enumerate(feed(filter_, drive))
+    errors = [
+        (i, estimate.sigma_tilt_rad, tilt_apart(drive.flight.q_nb[i], estimate.q_nb))
+        for i, estimate in found
+        if estimate is not None
+    ]
+    first, sigma, error = errors[0]
+    assert first == 100
+    assert sigma > 15.0 * DEG
+    assert error < 2.0 * sigma
+    assert max(error for i, _, error in errors if i > 400) < 3.0 * DEG
 
 
 # --- memory -------------------------------------------------------------------------------------
