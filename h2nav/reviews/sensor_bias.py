@@ -8,6 +8,7 @@ that the bias may have led astray.
 
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -351,23 +352,37 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     gyro = [_whole_means(track.t_s, track.w_b, edges) for track in tracks]
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
     imus = [track.imu + 1 for track in tracks]
-    turned = GYRO_APART_RAD_S + _by_chance(tracks, 0, edges)
-    forced = FORCE_APART_M_S2 + _by_chance(tracks, 1, edges)
+    turned = _limits(GYRO_APART_RAD_S, tracks, 0, edges)
+    forced = _limits(FORCE_APART_M_S2, tracks, 1, edges)
     return [
         *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, turned, known),
         *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, forced, known),
     ]
 
 
-def _by_chance(tracks: tuple[ImuTrack, ...], of_force: int, edges: Array) -> Array:
+class _Limits(NamedTuple):
+    """By how much the means of two sound sensors over the same windows may differ."""
+
+    usual: Array  # (M,) if quick samples see the same motion
+    sure: Array  # (M,) if each sees one of its own, such as a vibration
+
+
+def _limits(sound: float, tracks: tuple[ImuTrack, ...], of_force: int, edges: Array) -> _Limits:
+    usual, sure = (_by_chance(tracks, of_force, edges, hz) for hz in (STEADY_HZ, math.inf))
+    return _Limits(sound + usual, sound + sure)
+
+
+def _by_chance(
+    tracks: tuple[ImuTrack, ...], of_force: int, edges: Array, quickest_hz: float
+) -> Array:
     """(M,) by how much means of windows differ that see the motion at other times.
 
     Slow samples of a stream come at moments of their own, and some are lost: three deviations of
-    the difference of two means.
+    the difference of two means. Quicker streams are taken to see the same.
     """
     most = np.zeros(len(edges) - 1)
     for track in tracks:
-        if float(np.median(np.diff(track.t_s))) * STEADY_HZ <= 1.0:
+        if float(np.median(np.diff(track.t_s))) * quickest_hz <= 1.0:
             continue
         values = track.f_b if of_force else track.w_b
         counts = np.maximum(np.diff(np.searchsorted(track.t_s, edges)), 1)
@@ -400,7 +415,7 @@ def _disagreeing(
     imus: list[int],
     edges: Array,
     values: list[Array],
-    limit: Array,
+    limits: _Limits,
     known: tuple[Finding, ...],
 ) -> list[Finding]:
     """Pairs that differ; names the odd one of three, and of two the one known as bad."""
@@ -408,14 +423,15 @@ def _disagreeing(
     for one, other in itertools.combinations(range(len(values)), 2):
         difference = values[one] - values[other]
         apart = np.linalg.norm(difference, axis=1)
-        places = apart > limit
+        places = apart > limits.usual
         if np.count_nonzero(places) < MIN_WINDOWS:
             continue
-        # The effect of vibration on slow samples changes its direction, from window to window.
+        # The effect of vibration changes its direction, and its size from window to window.
         mean = difference[places].mean(axis=0)
         size = float(np.linalg.norm(mean))
-        chance = CHANCE_SIGMAS * _scatter(difference @ mean / max(size, 1e-9))
-        if size > max(float(limit[places].mean()), chance):
+        scatter = CHANCE_SIGMAS * _scatter(difference @ mean / max(size, 1e-9))
+        is_sure = size > scatter or np.count_nonzero(apart > limits.sure) >= MIN_WINDOWS
+        if size > limits.usual[places].mean() and is_sure:
             beyond[one, other] = apart
     suspects = [i for i in range(len(values)) if beyond and all(i in pair for pair in beyond)]
     if len(suspects) > 1:
@@ -425,10 +441,10 @@ def _disagreeing(
     found = []
     for pair, apart in beyond.items():
         if len(suspects) != 1:
-            found.append(_difference(kind, [imus[i] for i in pair], [], edges, apart, limit))
+            found.append(_difference(kind, [imus[i] for i in pair], [], edges, apart, limits.usual))
         elif not found:
             others = [imu for i, imu in enumerate(imus) if i != suspects[0]]
-            found.append(_difference(kind, [imus[suspects[0]]], others, edges, apart, limit))
+            found.append(_difference(kind, [imus[suspects[0]]], others, edges, apart, limits.usual))
     return found
 
 

@@ -77,7 +77,7 @@ KINDS = (
         section="bias",
         follows=(Kind.GYRO_BIAS, Kind.GYRO_BIAS_STEP),
         shown_by="means over 5 s",
-        limit="2 deg/s; 0.75 m/s^2; three deviations from window to window",
+        limit="2 deg/s; 0.75 m/s^2; more among vibration",
     ),
     Declared(
         Kind.ACCELEROMETER_APART,

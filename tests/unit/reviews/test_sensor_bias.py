@@ -171,9 +171,14 @@ def test_slow_samples_of_a_moving_vehicle_differ_by_chance():
     assert slow_stream(1, 0.0, 3.0) == {Kind.GYRO_APART}
 
 
-@pytest.mark.parametrize(("scattered_m_s2", "is_told"), [(0.35, True), (0.6, False)])
-def test_differences_that_come_and_go_from_window_to_window_are_no_bias(scattered_m_s2, is_told):
-    """What a vibration leaves of quick samples; three windows of one sign, by 1.2 m/s^2."""
+@pytest.mark.parametrize(
+    ("scattered_m_s2", "shaken_m_s2", "is_told"),
+    [(0.35, 8.0, True), (0.6, 8.0, False), (0.6, 0.0, True), (0.6, 1.0, True)],
+)
+def test_differences_that_come_and_go_among_vibration_are_no_bias(
+    scattered_m_s2, shaken_m_s2, is_told
+):
+    """What it leaves of quick samples; three windows of one sign, by 1.2 m/s^2."""
     apart_m_s2 = np.where(np.arange(20) % 2, 1.0, -1.0) * 0.5 * scattered_m_s2
     apart_m_s2[[4, 11, 13]] = -1.2
     t_s = np.arange(0.0, 100.0, 0.02)
@@ -181,6 +186,7 @@ def test_differences_that_come_and_go_from_window_to_window_are_no_bias(scattere
     for imu in range(2):
         f_b = np.zeros((len(t_s), 3))
         f_b[:, 2] = -GRAVITY_M_S2 + imu * np.repeat(apart_m_s2, 250)
+        f_b[:, 2] += np.where(np.arange(len(t_s)) % 2, 1.0, -1.0) * shaken_m_s2
         nothing = np.full_like(f_b, np.nan)
         stamp_us = np.rint(1e6 * t_s)
         track = ImuTrack(imu, "RAW_IMU", t_s, stamp_us, np.zeros_like(f_b), f_b, nothing)
