@@ -306,7 +306,7 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         self._aiding.clear()
         self._witness.clear()
         begun = self._standing(sample.t_us, bits)
-        self._watch_in_air(sample.t_us, sigma_rad=begun.sigma_tilt_rad)
+        self._watch_in_air(sample.t_us, tilt_sigma_rad=begun.sigma_tilt_rad)
         return begun
 
     def _is_carried(self, gap_us: int) -> bool:

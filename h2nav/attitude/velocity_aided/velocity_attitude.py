@@ -24,16 +24,18 @@ class VelocityAttitude(DoubtedSensors):
         super().__init__(gains)
         self._air: AirAlignment | None = None
 
-    def _watch_in_air(self, t_us: int, known_rad: float = math.inf, sigma_rad: float = 0.0) -> None:
+    def _watch_in_air(
+        self, t_us: int, known_rad: float = math.inf, tilt_sigma_rad: float = 0.0
+    ) -> None:
         """Begins a window in the air; if neither bias nor tilt is known, too.
 
         Args:
             t_us: time of the sample before it.
             known_rad: deviation of the tilt that the window has to show better.
-            sigma_rad: deviation of the tilt, at a start.
+            tilt_sigma_rad: deviation of the tilt, at a start.
         """
         drift_rad_s = math.sqrt(sum(self.sensor_errors.gyro_variance))
-        may_show = drift_rad_s < KNOWN_BIAS_RAD_S or sigma_rad > UNKNOWN_TILT_RAD
+        may_show = drift_rad_s < KNOWN_BIAS_RAD_S or tilt_sigma_rad > UNKNOWN_TILT_RAD
         self._air = None
         if may_show and self._flies:
             self._air = AirAlignment(t_us, known_rad, drift_rad_s)
