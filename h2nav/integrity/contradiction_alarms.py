@@ -15,6 +15,8 @@ MAX_TILT_DEG = 90.0
 # and the ratio of sideways to down, which an attitude wrong by less than 50 deg exceeds.
 BY_SIZE = 0.5
 UPRIGHT = 2.0
+# What a sound one may be off by shows nothing, as an old contradiction fades (MPU-6000, 80 mg).
+SOUND_M_S2 = 0.080 * GRAVITY_M_S2
 
 
 def velocity_alarm(window: Window | None, since_s: float) -> Alarm:
@@ -48,12 +50,14 @@ def force_alarm(change_n: Vec3, force_m_s2: float, since_s: float) -> Alarm:
         f"the force of {LONG_S:.0f} s would give {math.hypot(north, east):.0f} m/s sideways "
         f"and {abs(down):.0f} m/s {'down' if down > 0.0 else 'up'}"
     )
-    text, is_by_size = "attitude contradicts gravity", False
+    text = "attitude contradicts gravity"
     # No attitude lifts; nor does one explain a fall while the force has the right size.
     by_size_m_s = LONG_S * (GRAVITY_M_S2 - force_m_s2)
     is_upright = math.hypot(north, east) < UPRIGHT * down
-    if down < 0.0 or (is_upright and by_size_m_s > BY_SIZE * down):
-        text, is_by_size = "force contradicts gravity", True
+    is_by_size = down < 0.0 or (is_upright and by_size_m_s > BY_SIZE * down)
+    is_by_size &= math.hypot(north, east, down) > LONG_S * SOUND_M_S2
+    if is_by_size:
+        text = "force contradicts gravity"
         evidence += f"; its size is {force_m_s2:.1f} m/s^2: the accelerometer is wrong"
     found = _error(Kind.ATTITUDE_GRAVITY, SensorKind.IMU, tilt, text, evidence, since_s)
     return found._replace(is_decided=is_by_size)
