@@ -17,6 +17,7 @@ from h2nav.integrity.heading_jump import LASTING_US, HeadingJump
 from h2nav.integrity.spell import PAUSE_US, STALE_US, Spell
 from h2nav.integrity.velocity_witness import (
     NO_DOUBT,
+    Correction,
     Integrated,
     OwnDoubt,
     VelocityVerdict,
@@ -32,6 +33,8 @@ LONGEST_GAP_US = 100_000
 MAX_WAITING = 8
 COMPARED_WITH = int(Trust.ALIGNED | Trust.CONVERGED)
 BEYOND = 3.0  # deviations
+# Of verticals that are further apart nothing about either is a heading of both.
+ONE_VERTICAL_RAD = math.radians(45.0)
 # Difference of two attitudes that may both be right.
 MIN_DIFFERENCE_RAD = math.radians(3.0)
 # A disagreement is reported after the first time if it is plain, or if one side is known to be
@@ -87,7 +90,7 @@ class Comparison(NamedTuple):
     tilt_rad: float  # angle between the verticals
     heading_rad: float  # the other heading minus ours
     sigma_tilt_rad: float  # deviation of the difference, both of them together
-    sigma_heading_rad: float  # the same; NaN if our heading has no reference
+    sigma_heading_rad: float  # the same; NaN if ours has no reference, or no vertical is common
     verdicts: Verdicts  # by the velocity
 
 
@@ -201,8 +204,8 @@ class _Reporter:
         self.velocity.differs(ours.t_us, ours.q_nb, turn_n, heading_rad)
         quality = QUALITIES[self.source]
         by_time_rad = math.hypot(*ours.w_b) * quality.time_s
-        referenced = Trust.YAW_REFERENCED in ours.trust
-        own_heading_rad = ours.sigma_heading_rad if referenced else math.nan
+        has_headings = Trust.YAW_REFERENCED in ours.trust and tilt_rad < ONE_VERTICAL_RAD
+        own_heading_rad = ours.sigma_heading_rad if has_headings else math.nan
         found = Comparison(
             ours.t_us,
             self.source,
@@ -273,6 +276,7 @@ class Witness:
         if estimate is None or int(estimate.trust) & COMPARED_WITH != COMPARED_WITH:
             if self._past:
                 self._past.clear()
+                self._integrated.interrupt()
                 for reporter in self._reporters.values():
                     reporter.velocity.forget()
             return []
@@ -286,11 +290,16 @@ class Witness:
             found += self._compare(*self._waiting.popleft())
         return found
 
-    def fix(self, fix: VelocityFix, doubt: OwnDoubt = NO_DOUBT) -> None:
+    def fix(
+        self,
+        fix: VelocityFix,
+        doubt: OwnDoubt = NO_DOUBT,
+        corrected: Correction = lambda fix: fix,
+    ) -> None:
         """Takes a velocity of the GPS receiver; see `VelocityWitness.fix`."""
         if fix.independent:
             for reporter in self._reporters.values():
-                reporter.velocity.fix(fix, doubt)
+                reporter.velocity.fix(fix, doubt, corrected)
 
     def report(
         self,

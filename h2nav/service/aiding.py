@@ -267,7 +267,7 @@ class Aiding:
         newest_us = self._estimation.heard_t_us
         velocity = None if newest_us is None else gps_velocity(fix, newest_us)
         if velocity is not None:
-            self._witness.fix(velocity, self._estimation.doubt)
+            self._witness.fix(velocity, self._estimation.doubt, self._estimation.corrected)
         if self._settings.gps_velocity:
             effects += self._pass_velocity(t_ns, velocity)
         if velocity is not None:

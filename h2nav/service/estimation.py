@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.attitude.filter import InputRecord, LastingInput
 from h2nav.attitude.lead import extrapolated
-from h2nav.attitude.samples import AttitudeEstimate, EarthField, ImuSample
+from h2nav.attitude.samples import AttitudeEstimate, EarthField, ImuSample, VelocityFix
 from h2nav.integrity.compasses import SAME_TIME_US, Compasses, Level
 from h2nav.integrity.field_voting import FieldVoting
 from h2nav.integrity.findings import Alarm
@@ -190,6 +190,10 @@ class Estimation:
     def velocity_is_false(self) -> bool:
         """Whether the force has shown that the receiver's velocity is false."""
         return self._sent is not None and self._sent.monitor.velocity_is_known_false
+
+    def corrected(self, fix: VelocityFix) -> VelocityFix:
+        """The velocity of the IMU that is sent, at its time; see `Monitor.corrected`."""
+        return fix if self._sent is None else self._sent.monitor.corrected(fix)
 
     @property
     def doubt(self) -> OwnDoubt:

@@ -214,6 +214,7 @@ class Flight:
         wrong_from_s: when the other attitude gets its error.
         error_is_of_body: theirs is in body axes, as if it came from an accelerometer.
         doubt: of our attitude.
+        removed_s: time (s) to the latency that has been learnt.
     """
 
     def __init__(
@@ -236,6 +237,7 @@ class Flight:
         wrong_from_s=0.0,
         error_is_of_body=False,
         doubt=NO_DOUBT,
+        removed_s=None,
     ):
         self.witness = Witness()
         random_numbers = random.Random(1)
@@ -262,7 +264,16 @@ class Flight:
                 fix = VelocityFix(t_us, (north, east, 0.0), 0.3)
                 since_s, until_s = excluded_s
                 is_excluded = since_s <= t_s < until_s
-                self.witness.fix(fix, doubt._replace(may_be_bent=is_excluded))
+                learnt_s = 0.0 if removed_s is None else removed_s(t_s)
+                self.witness.fix(
+                    fix,
+                    doubt._replace(may_be_bent=is_excluded),
+                    lambda fix, learnt_s=learnt_s: fix._replace(
+                        t_us=fix.t_us - round(1e6 * learnt_s),
+                        removed_s=learnt_s,
+                        removed_sigma_s=0.03 if learnt_s else 0.2,
+                    ),
+                )
 
     @property
     def text(self):
@@ -413,6 +424,41 @@ def test_a_late_receiver_in_a_circle_looks_like_a_wrong_heading_and_proves_nothi
     """0.3 s at 29 deg/s are 8.6 deg."""
     flight = Flight(RIGHT, yaw(-8.6), circling, round_and_round, late_s=0.3)
     assert flight.verdicts.heading is not VelocityVerdict.AUTOPILOT
+
+
+@pytest.mark.parametrize(
+    ("ours_deg", "theirs_deg", "right"),
+    [(0.0, -8.6, VelocityVerdict.H2NAV), (8.6, 0.0, VelocityVerdict.AUTOPILOT)],
+)
+@pytest.mark.parametrize("learnt_from_s", [0.0, 15.0])
+def test_a_latency_that_is_known_is_no_heading(ours_deg, theirs_deg, right, learnt_from_s):
+    """What is learnt of it meanwhile counts for what has been seen before."""
+    flight = Flight(
+        yaw(ours_deg),
+        yaw(theirs_deg),
+        circling,
+        round_and_round,
+        late_s=0.35,
+        removed_s=lambda t_s: 0.35 if t_s >= learnt_from_s else 0.0,
+    )
+    assert flight.verdicts.heading is right
+
+
+@pytest.mark.parametrize(("late_s", "is_known"), [(0.9, True), (1.2, False)])
+def test_of_a_velocity_that_is_later_than_what_is_kept_nothing_is_said(late_s, is_known):
+    flight = Flight(
+        RIGHT, yaw(12.0), to_and_fro, swinging, late_s=late_s, removed_s=lambda t_s: late_s
+    )
+    assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_known
+
+
+@pytest.mark.parametrize(("theirs_deg", "is_told"), [(40.0, True), (50.0, False)])
+def test_of_another_vertical_no_heading_is_told(theirs_deg, is_told):
+    bench = Bench()
+    alarms = bench.rests(5.0, multiply(yaw(20.0), from_euler(theirs_deg * DEG, 0.0, 0.0)))
+    assert {alarm.kind for alarm in alarms} == {"autopilot_tilt"} | (
+        {"autopilot_heading"} if is_told else set()
+    )
 
 
 def test_a_receiver_that_contradicts_both_proves_nothing():
