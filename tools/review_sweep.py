@@ -115,6 +115,8 @@ def _has(source: Source, context: Context, fault: Fault) -> bool:
     """Whether the recording holds what the fault changes."""
     if fault.late_s is not None and isinstance(source, AutopilotLog):
         return False  # it has no other clock that the stamps could be held against
+    if fault.source == "compass" and not np.nan_to_num(context.imus[0].m_b_ut).any():
+        return False
     if fault.fixes is not None:
         return any(np.isfinite(gps.v_n[:, :2]).any() for gps in context.gps)
     return fault.attitude is None or bool(context.attitudes)

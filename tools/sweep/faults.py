@@ -125,7 +125,10 @@ def _where(case: Case, t_s: Array, changed: Array, values: Array) -> Array:
 
 def _frozen(case: Case, t_s: Array, values: Array) -> Array:
     """The values of when it began, again and again."""
-    first = min(int(np.searchsorted(t_s, case.from_s)), len(t_s) - 1)
+    known = np.flatnonzero(np.isfinite(values).all(axis=1))
+    if not len(known):
+        return values
+    first = known[min(int(np.searchsorted(t_s[known], case.from_s)), len(known) - 1)]
     return _where(case, t_s, values[first], values)
 
 

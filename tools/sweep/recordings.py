@@ -4,7 +4,7 @@ import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from fastcrc import crc16
@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from h2nav.maths.rows import from_euler, to_euler
 from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.autopilot_log import AutopilotLog, Recorded
-from h2nav.recordings.context import AttitudeTrack, GpsTrack, ImuTrack
+from h2nav.recordings.context import AttitudeTrack, CompassTrack, GpsTrack, ImuTrack
 from h2nav.recordings.frame_tables import FrameTable, tables
 from h2nav.recordings.imu_series import Readings
 from h2nav.recordings.link_recording import Recording
@@ -34,6 +34,7 @@ ATTITUDE, FIX = mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_GPS_RAW_
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 OF_FIRST = (mavlink.MAVLINK_MSG_ID_RAW_IMU, mavlink.MAVLINK_MSG_ID_SCALED_IMU, HIGHRES)
 OF_OTHERS = {mavlink.MAVLINK_MSG_ID_SCALED_IMU2, mavlink.MAVLINK_MSG_ID_SCALED_IMU3}
+Series = TypeVar("Series", ImuTrack, Readings)
 UNIX_NS = 1_795_000_000_000_000_000
 # What a fake autopilot is asked for, Hz.
 REQUESTED_HZ = {
@@ -200,6 +201,14 @@ def _change_attitude(table: FrameTable, t_s: Array, fault: Fault, case: Case) ->
 # --- logs of the autopilots -----------------------------------------------------------------------
 
 
+def _rows(series: Series, kept: NDArray[np.bool_]) -> Series:
+    """Those of all columns of a series."""
+    columns = series._asdict().items()
+    return series._replace(
+        **{name: column[kept] for name, column in columns if isinstance(column, np.ndarray)}
+    )
+
+
 class FaultyLog(AutopilotLog):
     """A log with a fault in it.
 
@@ -221,6 +230,7 @@ class FaultyLog(AutopilotLog):
         context = recorded.context
         context = context._replace(
             imus=tuple(self._track(track) for track in context.imus),
+            compasses=tuple(self._compass(track) for track in context.compasses),
             gps=tuple(
                 self._receiver(track) if track.receiver == recorded.receiver else track
                 for track in context.gps
@@ -245,8 +255,15 @@ class FaultyLog(AutopilotLog):
             track = track._replace(w_b=new.w_b, f_b=new.f_b, m_b_ut=new.m_b_ut)
         if fault is not None and fault.lost is not None:
             kept = ~fault.lost(track.t_s, case)
-            track = ImuTrack(track.imu, track.source, *(column[kept] for column in track[2:]))
+            track = _rows(track, kept)
         return track
+
+    def _compass(self, track: CompassTrack) -> CompassTrack:
+        if track.compass != 0 or self._fault is None or self._fault.imu is None:
+            return track
+        nothing = np.zeros_like(track.m_b_ut)
+        new = self._fault.imu(Samples(track.t_s, nothing, nothing, track.m_b_ut), self._case)
+        return track._replace(m_b_ut=new.m_b_ut)
 
     def _readings(self, readings: Readings, start_us: int) -> Readings:
         if readings.imu != 0:
@@ -258,7 +275,7 @@ class FaultyLog(AutopilotLog):
             readings = readings._replace(w_b=new.w_b, f_b=new.f_b, m_b_ut=new.m_b_ut)
         if fault is not None and fault.lost is not None:
             kept = ~fault.lost(t_s, case)
-            readings = Readings(readings.imu, *(column[kept] for column in readings[1:]))
+            readings = _rows(readings, kept)
         return readings
 
     def _receiver(self, track: GpsTrack) -> GpsTrack:
