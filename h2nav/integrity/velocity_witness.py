@@ -10,7 +10,8 @@ the vehicle turns: at rest and in a straight flight no velocity shows which of t
 
 The heading that velocities show is that of the accelerometer, whose axes are turned in the body: of
 two headings that are about as far from it nobody's is wrong. And evidence is of an attitude: one
-that has been found anew begins without any, and where a heading moves nothing is concluded.
+that has been found anew begins without any, and while ours moves against the other nothing speaks
+for it.
 
 Where our attitude may be bent, by a velocity that is or was held to be false or by a wrong sensor,
 velocities may speak for the other attitude, so that nothing hides our own error, but never for
@@ -58,8 +59,10 @@ FITS = 3
 EXPECTED = (0.5, 0.5, 0.0, 0.0, 0.0)
 SHARE_SIGMA, BIAS_SIGMA_M_S2 = 2.0, 0.15
 TILT, HEADING = 0, 1
-# A window in which the headings have moved by more against each other is evidence of neither.
+# A window in which the headings have moved by more against each other, and by more than half of
+# what they differ by at its end, does not speak for ours.
 MOVED_RAD = math.radians(3.0)
+MOVED_SHARE = 0.5
 DECIDED = 3.0  # deviations
 # Cross-axis sensitivity of an accelerometer (MPU-6000: 2 %): its axes, and with them the heading
 # that velocities show, may be turned about the vertical by as much.
@@ -119,6 +122,7 @@ class _Window(NamedTuple):
     by_latency: tuple[float, float]  # addition per second of the receiver's latency
     by_bias: tuple[Level, Level]  # addition per m/s^2 of the accelerometer's bias, x and y
     heading_rad: float  # the other attitude's heading minus ours
+    heading_moves: bool
     removed_s: float  # the receiver's delay, of which its times are free
     removed_sigma_s: float
 
@@ -373,8 +377,7 @@ class VelocityWitness:
             self._pushed[2 * i + 1] -= dt_s * east
 
     def _close(self, start: _Moment, end: _Moment) -> None:
-        if abs(end.heading_rad - start.heading_rad) > MOVED_RAD:
-            return
+        moved_rad = abs(end.heading_rad - start.heading_rad)
         measured = _less(end.fix.v_n, start.fix.v_n)
         predicted = _less(end.velocity_n, start.velocity_n)
         self._windows.append(
@@ -386,6 +389,7 @@ class VelocityWitness:
                 _less(start.force_n, end.force_n),
                 (_less(end.pushed_x, start.pushed_x), _less(end.pushed_y, start.pushed_y)),
                 end.heading_rad,
+                moved_rad > max(MOVED_RAD, MOVED_SHARE * abs(end.heading_rad)),
                 end.fix.removed_s,
                 end.fix.removed_sigma_s or DELAY_SIGMA_S,
             )
@@ -408,7 +412,15 @@ def _apart_b(q_nb: Quat, turn_n: Quat) -> Vec3:
     return rotate(conjugate(q_nb), (north, east, down - 1.0))
 
 
-def _verdicts(windows: deque[_Window]) -> Verdicts:
+def _verdicts(windows: Sequence[_Window]) -> Verdicts:
+    found = _by(windows)
+    steady = [window for window in windows if not window.heading_moves]
+    if found.heading is not VelocityVerdict.H2NAV or len(steady) == len(windows):
+        return found
+    return Verdicts(found.tilt, _by(steady).heading)
+
+
+def _by(windows: Sequence[_Window]) -> Verdicts:
     if len(windows) < MIN_WINDOWS:
         return Verdicts()
     effects = [(w.by_tilt, w.by_heading, w.by_latency, *w.by_bias) for w in windows]

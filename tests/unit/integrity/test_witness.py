@@ -197,7 +197,7 @@ class Flight:
     """A level vehicle that accelerates to and fro or circles, with the velocity of a receiver.
 
     Args:
-        our_error: turn (NED) from the truth to our attitude.
+        our_error: turn (NED) from the truth to our attitude; or time (s) to it.
         their_error: the same of the other one.
         acceleration: time (s) to the horizontal acceleration, m/s^2.
         velocity: its integral.
@@ -248,7 +248,8 @@ class Flight:
             felt_through = multiply(our_error, nose) if accelerometer_is_off else nose
             force_b = rotate(yaw(axes_turned_deg), rotate(conjugate(felt_through), force_n))
             sample = ImuSample(t_us, (0.0, 0.0, 0.0), force_b)
-            ours = multiply(our_error if t_s >= found_anew_s else error_before, nose)
+            error = our_error(t_s) if callable(our_error) else our_error
+            ours = multiply(error if t_s >= found_anew_s else error_before, nose)
             has_converged = not 0.0 <= found_anew_s - t_s < 0.1
             trust = GOOD if has_converged else Trust.ALIGNED
             self.witness.add(sample, estimate(t_us, ours, trust))
@@ -440,6 +441,21 @@ def test_a_latency_that_is_known_is_no_heading(ours_deg, theirs_deg, right, lear
         round_and_round,
         late_s=0.35,
         removed_s=lambda t_s: 0.35 if t_s >= learnt_from_s else 0.0,
+    )
+    assert flight.verdicts.heading is right
+
+
+@pytest.mark.parametrize(
+    ("swing_deg", "theirs_deg", "right"),
+    [
+        (1.0, 8.0, VelocityVerdict.H2NAV),
+        (8.0, 8.0, VelocityVerdict.UNDECIDED),
+        (8.0, 0.0, VelocityVerdict.AUTOPILOT),
+    ],
+)
+def test_nothing_speaks_for_a_heading_of_ours_that_moves(swing_deg, theirs_deg, right):
+    flight = Flight(
+        lambda t_s: yaw(swing_deg * math.sin(1.5 * t_s)), yaw(theirs_deg), to_and_fro, swinging
     )
     assert flight.verdicts.heading is right
 
