@@ -178,9 +178,10 @@ def soundest_as_recorded(evidence: FlightEvidence) -> ImuTrack | None:
 
 
 def rests(evidence: FlightEvidence) -> dict[int, Rest]:
-    """Windows at rest, by the number of the IMU, from 0."""
-    context = evidence.of(recorded)
-    return {track.imu: rest_of(track, context) for track in evidence.of(motion_tracks)}
+    """Windows at rest, by the number of the IMU, from 0, of sensors that measured."""
+    context, found = evidence.of(recorded), evidence.flight.findings
+    tracks = evidence.of(motion_tracks)
+    return {track.imu: rest_of(measuring(track, found), context) for track in tracks}
 
 
 def at_rest(evidence: FlightEvidence, track: ImuTrack | None) -> Rest:

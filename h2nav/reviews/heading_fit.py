@@ -78,7 +78,7 @@ def _headings(
         if part.stop - part.start < MIN_FIT_FIXES or np.diff(t_s[part]).max() > LONGEST_PAUSE_S:
             continue
         turn, left = fitted(v_s[part], v_n[part])
-        moved = v_n[part, :2] - v_n[part, :2].mean(axis=0)
+        moved = _but_for_a_tilt(t_s[part], v_n[part, :2])
         rest, whole = (float(np.sqrt((one**2).sum(axis=1).mean())) for one in (left, moved))
         left_m_s.append(rest)
         place = min(int(np.searchsorted(track.t_s, middle)), len(track.t_s) - 1)
@@ -90,6 +90,13 @@ def _headings(
     rows = np.array(found).reshape(-1, 3)
     worst = float(np.median(left_m_s)) if left_m_s else np.inf
     return Headings(*rows.T), -worst
+
+
+def _but_for_a_tilt(t_s: Array, v_n: Array) -> Array:
+    """(N, 2) changes of velocity beyond a constant acceleration, which the fit takes for a tilt."""
+    line = np.stack((np.ones_like(t_s), t_s - t_s.mean()), axis=1)
+    rest: Array = v_n - line @ np.linalg.lstsq(line, v_n, rcond=None)[0]
+    return rest
 
 
 def longest_off(known: Headings) -> Off | None:

@@ -42,6 +42,7 @@ def found_in(
     noise_m_s=0.05,
     turn_deg_s=0.0,
     late_s=0.0,
+    led_m_s2=0.0,
     lifted=(0.0, END_S),
     has_fix=True,
 ):
@@ -56,7 +57,8 @@ def found_in(
     )
     track = imu_track(T_S, (0.0, 0.0, turn_deg_s * DEG), f_b)
     noise = np.random.default_rng(3).normal(0.0, noise_m_s, (len(FIX_S), 3))
-    fixes = receiver_track(FIX_S, speed(FIX_S - late_s, size) + noise, has_fix)
+    led = led_m_s2 * FIX_S[:, None] * (1.0, 0.0, 0.0)
+    fixes = receiver_track(FIX_S, speed(FIX_S - late_s, size) + noise + led, has_fix)
     first, after = np.searchsorted(T_S, lasts)
     wrong = np.zeros(len(T_S))
     wrong[first:after] = off_deg * DEG
@@ -102,6 +104,9 @@ def test_what_is_told():
         # who hardly moves shows no heading, nor does a receiver of more noise than motion
         ({"size": 0.4}, False),
         ({"noise_m_s": 2.0}, False),
+        # nor one that is led away, which a tilt explains
+        ({"size": 0.4, "led_m_s2": 0.6}, False),
+        ({"led_m_s2": 0.6}, True),
         # which is the vehicle's, however it turns, and however late the receiver is
         ({"turn_deg_s": 40.0}, True),
         ({"turn_deg_s": 40.0, "off_deg": 0.0}, False),

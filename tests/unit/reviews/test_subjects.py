@@ -115,6 +115,25 @@ def test_a_receiver_is_judged_by_force_and_rest_of_the_same_sound_imu(imu):
     assert parts.at_rest(evidence, track) is evidence.of(parts.rests)[track.imu]
 
 
+@pytest.mark.parametrize("kind", [Kind.IMU_FROZEN, Kind.GYRO_FROZEN, Kind.AXIS_STUCK])
+def test_what_a_sensor_repeats_while_it_is_frozen_is_no_rest(kind):
+    """In a turn: 50 deg/s, and more than gravity."""
+    flown = flight(imus=2)
+    first, second = flown.context.imus
+    froze = (first.t_s > 60.0) & (first.t_s < 80.0)
+    first.w_b[froze], first.f_b[froze] = (0.3, 0.2, 0.8), (1.0, 2.0, -12.0)
+    imu = Sensor(SensorKind.IMU, 1)
+    frozen = Finding(kind, imu, Severity.WARNING, 60.0, 80.0, 1.0, "", "", "")
+    flown = flown._replace(context=flown.context._replace(imus=(first, second), gps=()))
+    rested = {
+        found: FlightEvidence(flown._replace(findings=found)).of(parts.rests)[0].t_s
+        for found in ((), (frozen,))
+    }
+    inside = {found: ((t_s > 57.0) & (t_s < 80.0)).sum() for found, t_s in rested.items()}
+    assert inside[()] > 5
+    assert inside[(frozen,)] == 0
+
+
 def test_where_every_accelerometer_jumped_none_judges_the_receiver():
     evidence = FlightEvidence(flight(imus=2))
     evidence._known[parts.force_steps] = [a_step(1), a_step(2)]
