@@ -72,6 +72,8 @@ STILL_PARTS = 5
 SHAKEN_RAD_S = 0.3 * DEG
 # Samples in a window whose mean counts.
 MIN_SAMPLES = 50
+# A pause is longer than so many usual steps.
+PAUSE_STEPS = 10.0
 # Means of slow samples of two IMUs differ by so many deviations by chance.
 CHANCE_SIGMAS = 3.0
 # Other findings that show which of two disagreeing IMUs is wrong.
@@ -349,6 +351,7 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
     tracks = tuple(track for track in tracks if len(track.t_s) > 1)
     if any(_is_slow(track) for track in tracks):
         return []
+    tracks = _seen_by_all(tracks)
     gyro = [_whole_means(track.t_s, track.w_b, edges) for track in tracks]
     force = [_whole_means(track.t_s, track.f_b, edges) for track in tracks]
     imus = [track.imu + 1 for track in tracks]
@@ -358,6 +361,23 @@ def _apart(tracks: tuple[ImuTrack, ...], known: tuple[Finding, ...]) -> list[Fin
         *_disagreeing(Kind.GYRO_APART, imus, edges, gyro, turned, known),
         *_disagreeing(Kind.ACCELEROMETER_APART, imus, edges, force, forced, known),
     ]
+
+
+def _seen_by_all(tracks: tuple[ImuTrack, ...]) -> tuple[ImuTrack, ...]:
+    """The tracks without what one of them has missed: a window's mean would be of other motion."""
+    missed = [np.logical_or.reduce([_pauses(one, track.t_s) for one in tracks]) for track in tracks]
+    return tuple(select_rows(track, ~gone) for track, gone in zip(tracks, missed, strict=True))
+
+
+def _pauses(track: ImuTrack, t_s: Array) -> Mask:
+    """Which times are inside a pause of a track."""
+    steps_s = np.diff(track.t_s)
+    long = np.flatnonzero(steps_s > PAUSE_STEPS * np.median(steps_s))
+    begins_s = np.append(track.t_s[long], np.inf)
+    ends_s = np.append(track.t_s[long + 1], np.inf)
+    place = np.searchsorted(ends_s, t_s, side="right")
+    inside: Mask = t_s > begins_s[np.minimum(place, len(long))]
+    return inside
 
 
 class _Limits(NamedTuple):

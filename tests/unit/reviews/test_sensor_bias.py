@@ -8,7 +8,7 @@ from known_evidence import imu_track
 from reviewed_flights import flight, with_imu
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
-from h2nav.maths.rows import product
+from h2nav.maths.rows import product, select_rows
 from h2nav.maths.units import DEG, GRAVITY_M_S2
 from h2nav.recordings.context import ImuTrack, Span
 from h2nav.reviews.analysis import analyse
@@ -169,6 +169,19 @@ def slow_stream(seed, turned_deg_s, extra_deg_s):
 def test_slow_samples_of_a_moving_vehicle_differ_by_chance():
     assert not any(slow_stream(seed, 60.0, 0.0) for seed in range(20))
     assert slow_stream(1, 0.0, 3.0) == {Kind.GYRO_APART}
+
+
+@pytest.mark.parametrize("extra_deg_s", [0.0, 3.0])
+@pytest.mark.parametrize("every_s", [4.5, 30.0])
+def test_an_imu_that_pauses_has_missed_what_the_other_saw(every_s, extra_deg_s):
+    """The vehicle turns in every pause."""
+    t_s = np.arange(0.0, 100.0, 0.02)
+    pauses = t_s % every_s < 0.8
+    w_b = np.where(pauses[:, None], (0.0, 0.0, 60.0 * DEG), 0.0)
+    off = w_b + extra_deg_s * DEG * np.array([1.0, 0.0, 0.0])
+    one, other = imu_track(t_s, w_b), imu_track(t_s, off)._replace(imu=1)
+    found = {found.kind for found in _apart((select_rows(one, ~pauses), other), ())}
+    assert found == ({Kind.GYRO_APART} if extra_deg_s else set())
 
 
 @pytest.mark.parametrize(
