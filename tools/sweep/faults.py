@@ -280,14 +280,16 @@ def _kinds(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-COMPASS = _kinds("compass_field compass_step compass_hard_iron compass_soft_iron compass_scale")
+COMPASS = _kinds(
+    "compass_field compass_step compass_hard_iron compass_soft_iron compass_scale compasses_differ"
+)
 GYRO = _kinds("gyro_bias gyro_bias_step gyro_apart gyro_field")
 # An accelerometer that is off bends the attitude, which the receiver's velocity shows.
 FORCE = _kinds(
-    "accelerometer_bias accelerometer_bias_step accelerometer_apart attitude_velocity"
-    " attitude_gravity gps_velocity"
+    "accelerometer_bias accelerometer_bias_step accelerometer_apart accelerometer_scale"
+    " attitude_velocity attitude_gravity gps_velocity"
 )
-RECEIVER = _kinds("gps_velocity attitude_velocity")
+RECEIVER = _kinds("gps_velocity attitude_velocity gnss_spoofed")
 DEAD_GYRO = _kinds("gyro_frozen imu_frozen axis_stuck gyro_field")
 OWN = "autopilot"
 
