@@ -301,7 +301,7 @@ class VelocityWitness:
             self._start = self._moment(corrected(fix))
             return
         if fix.t_us - start.t_us < WITNESS_WINDOW_US:
-            return  # it is later than it was true
+            return  # and it was true before that time
         fix = corrected(fix)
         length_us = fix.t_us - start.t_us
         if length_us < WITNESS_WINDOW_US:
