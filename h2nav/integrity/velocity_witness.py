@@ -49,7 +49,8 @@ KEPT_STEP_US = 100_000
 # Smoothing of the acceleration that multiplies the latency.
 SMOOTHING_S = 0.1
 # Deviation of a change of velocity: a receiver is hardly better. If the residual of the fit exceeds
-# the larger one, force and velocity contradict each other whatever the attitude.
+# the larger one, or it needs another delay than is known, force and velocity contradict each other
+# whatever the attitude.
 MIN_SIGMA_M_S = 0.1
 MAX_SIGMA_M_S = 1.0
 FIRST_SIGMA_M_S = 0.3
@@ -58,7 +59,7 @@ FITS = 3
 # before a flight: to 15 mg; in between the delay that is left, with what is known of it.
 EXPECTED = (0.5, 0.5, 0.0, 0.0, 0.0)
 SHARE_SIGMA, BIAS_SIGMA_M_S2 = 2.0, 0.15
-TILT, HEADING = 0, 1
+TILT, HEADING, DELAY = 0, 1, 2
 # A window in which the headings have moved by more against each other, and by more than half of
 # what they differ by at its end, does not speak for ours.
 MOVED_RAD = math.radians(3.0)
@@ -446,7 +447,7 @@ def _by(windows: Sequence[_Window]) -> Verdicts:
         for size, column in zip(found, causes, strict=True):
             rest = [part - size * effect for part, effect in zip(rest, column, strict=True)]
         sigma_m_s = max(math.sqrt(sum(part * part for part in rest) / len(rest)), MIN_SIGMA_M_S)
-    if sigma_m_s > MAX_SIGMA_M_S:
+    if sigma_m_s > MAX_SIGMA_M_S or abs(found[DELAY]) > DECIDED * delay_sigma_s:
         return Verdicts()
     (tilt, _), (_, heading) = fit.covariance((TILT, HEADING))
     apart_rad = math.sqrt(sum(w.heading_rad * w.heading_rad for w in windows) / len(windows))

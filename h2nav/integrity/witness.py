@@ -103,7 +103,7 @@ class _Disagreement:
         quality = QUALITIES[source]
         sigma_rad = quality.tilt_rad if part == "tilt" else quality.heading_rad
         self._least_rad = max(BEYOND * sigma_rad, MIN_DIFFERENCE_RAD)
-        self._lasting, self._beyond = Spell(), Spell()
+        self._lasting, self._beyond, self._backed = Spell(), Spell(), Spell()
         self._is_reported = False
         self._alarm: Alarm | None = None
 
@@ -137,6 +137,10 @@ class _Disagreement:
         beyond_us = beyond_us or 0
         is_plain = size_rad > PLAIN * limit_rad and beyond_us >= LASTING_US
         is_proved = decided and lasted_us >= LASTING_US
+        if proof is _Proof.GPS_FOR_US:
+            # One window of velocities among many may speak for us by chance.
+            backed_us = self._backed.look(t_us, is_so=decided)
+            is_proved &= (backed_us or 0) >= LASTING_US
         self._is_reported |= is_plain or is_proved or beyond_us >= UNDECIDED_US
         if self._is_reported:
             self._alarm = self._alarm_of(math.degrees(size_rad), lasted_us * 1e-6, proof)

@@ -421,6 +421,19 @@ def test_a_smaller_error_is_told_where_the_velocity_proves_it():
     assert not Flight(RIGHT, yaw(4.0), lambda t: (0, 0), lambda t: (0, 0)).witness.alarms()
 
 
+@pytest.mark.parametrize(("backed_s", "is_told"), [(3.0, False), (5.0, True)])
+@pytest.mark.parametrize("who", [VelocityVerdict.H2NAV, VelocityVerdict.AUTOPILOT])
+def test_what_speaks_for_us_has_to_last(monkeypatch, who, backed_s, is_told):
+    """Against us it counts at once."""
+    bench = Bench()
+    velocity = bench.witness._reporters[AttitudeSource.AUTOPILOT].velocity
+    bench.rests(10.0, yaw(4.0))
+    assert not bench.witness.alarms()
+    monkeypatch.setattr(velocity, "_found", Verdicts(heading=who))
+    bench.rests(backed_s, yaw(4.0))
+    assert bool(bench.witness.alarms()) == (is_told or who is VelocityVerdict.AUTOPILOT)
+
+
 def test_a_late_receiver_in_a_circle_looks_like_a_wrong_heading_and_proves_nothing():
     """0.3 s at 29 deg/s are 8.6 deg."""
     flight = Flight(RIGHT, yaw(-8.6), circling, round_and_round, late_s=0.3)
@@ -443,6 +456,14 @@ def test_a_latency_that_is_known_is_no_heading(ours_deg, theirs_deg, right, lear
         removed_s=lambda t_s: 0.35 if t_s >= learnt_from_s else 0.0,
     )
     assert flight.verdicts.heading is right
+
+
+@pytest.mark.parametrize(("late_s", "is_known"), [(0.2, True), (0.4, False)])
+def test_a_receiver_that_is_later_than_it_was_proves_nothing(late_s, is_known):
+    flight = Flight(
+        RIGHT, yaw(12.0), to_and_fro, swinging, late_s=late_s, removed_s=lambda t_s: 0.2
+    )
+    assert (flight.verdicts.heading is VelocityVerdict.H2NAV) == is_known
 
 
 @pytest.mark.parametrize(
