@@ -71,6 +71,17 @@ def test_a_plane_that_takes_off_from_steel_has_sound_sensors_and_a_heading():
     assert row["tilt_deg"]["p95"] < 2.0
 
 
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.thorough)])
+def test_a_magnet_in_the_air_turns_no_heading(seed):
+    """It was believed after 20 s, and the heading was off by 70 and 80 deg."""
+    calm = FlightDraw(length_min=2.8, rest_s=15.0, brisk_share=0.0, manoeuvre_m_s2=2.0)
+    row = fly(Draw(seed, calm, ImuDraw(rate_hz=50.0), faults=("hard-iron=25@70.0+60",)))
+    (found,) = row["faults"]
+    assert found["outcome"] == "right"
+    assert kinds(found) == set()
+    assert row["heading_deg"]["p100"] < 5.0
+
+
 @pytest.mark.thorough
 def test_a_step_of_one_metre_a_second_is_named_within_three_seconds():
     _, found = flown("gps-step=1@70.0+20", rate_hz=100.0)

@@ -282,7 +282,7 @@ class VelocityAidedFilter(VelocityAidedShell):
         if math.hypot(norm, math.atan2(down, flat) - s.mag_ref_dip) > WHOLE:
             return None
         turn_rad = math.remainder(s.declination - math.atan2(east, north), 2.0 * math.pi)
-        return RefusedField(turn_rad, s.mag_accepted_age_s)
+        return RefusedField(turn_rad, s.mag_accepted_age_s, s.field_jumped > 0.0)
 
     def _limit_heading(self, sigma_rad: float) -> None:
         s = self._state

@@ -30,15 +30,18 @@ class RefusedField(NamedTuple):
 
     turn_rad: float  # from the filter's heading to that by the field
     refused_s: float  # time since a field was used
+    has_jumped: bool = False  # it left the heading faster than a gyro is wrong
 
     def is_heard_by(self, seen: Heading) -> bool:
         """Whether it and velocities contradict the filter, and not each other.
 
         Iron that leaves norm and dip turns no heading as far, and velocities would show a compass
-        that is turned.
+        that is turned. For one that has jumped they have to speak.
         """
         apart = math.remainder(self.turn_rad - seen.turn_rad, 2.0 * math.pi)
         is_far = abs(self.turn_rad) > KNOWN_RAD
+        if self.has_jumped and not (seen.is_known and abs(apart) < abs(seen.turn_rad)):
+            return False
         return self.refused_s > HEARING_S and is_far and abs(apart) < seen.limit_rad
 
 

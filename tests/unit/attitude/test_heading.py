@@ -485,6 +485,39 @@ def test_a_contradiction_that_lasts_gives_the_heading_to_the_next_field(seconds,
     assert (s.heading_rejected_s == 0.0) is is_lost
 
 
+@pytest.mark.parametrize(
+    ("left_deg", "jumps"), [(23.1, False), (23.3, True), (-23.1, False), (-23.3, True)]
+)
+@pytest.mark.parametrize("how", ["like its reference", "of another norm"])
+def test_a_field_jumps_that_leaves_the_heading_faster_than_a_gyro_is_wrong(left_deg, jumps, how):
+    """20 deg, and in 0.1 s 2 deg of a zero and 1.15 deg of a scale at 2 rad/s."""
+    s, w, sample = known()
+    s.turning, s.heading_agreed, s.mag_accepted_age_s = 4.0, -5.0 * DEG, 0.1
+    norm = NORM if how == "like its reference" else 2.0 * NORM
+    innovation = left_deg * DEG - 5.0 * DEG
+    assert used(s, w, sample, field(norm, east_of_north=DECLINATION - innovation)) == 0
+    assert bool(s.field_jumped) is jumps
+
+
+@pytest.mark.parametrize(("changes", "is_lost"), [({}, False), ({"rest_s": 1.0}, True)])
+def test_a_field_that_has_jumped_gives_no_heading_under_way(changes, is_lost):
+    s, w, _ = known()
+    s.field_jumped = 1.0
+    for name, value in changes.items():
+        setattr(s, name, value)
+    for _ in range(102):
+        assert contradicts(s, w, 1.5, age_s=0.2) == 1.0
+    assert (s.mag_accepted_age_s == HEADING_LOST) is is_lost
+
+
+def test_a_field_that_is_back_has_not_jumped():
+    s, w, sample = known()
+    s.field_jumped = 1.0
+    assert used(s, w, sample, field(east_of_north=DECLINATION - 0.5 * DEG)) == FIELD_USED
+    assert s.field_jumped == 0.0
+    assert s.heading_agreed == pytest.approx(0.5 * DEG)
+
+
 def test_while_velocities_show_the_heading_no_contradiction_takes_it_back():
     s, w, _ = known()
     s.heading_witnessed = 1.0

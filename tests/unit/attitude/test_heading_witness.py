@@ -196,6 +196,23 @@ def test_a_refused_field_is_heard_where_velocities_allow_it(
 
 
 @pytest.mark.parametrize(
+    ("turn_deg", "seen_deg", "sigma_deg", "is_heard"),
+    [
+        (74.0, 30.0, 30.0, False),  # they know nothing
+        (20.0, 9.0, 11.0, False),  # the filter's heading is nearer to theirs
+        (20.0, 11.0, 11.0, True),
+        (-20.0, -11.0, 11.0, True),
+    ],
+)
+def test_a_field_that_has_jumped_is_heard_where_velocities_speak_for_it(
+    turn_deg: float, seen_deg: float, sigma_deg: float, is_heard: bool
+) -> None:
+    seen = Heading(seen_deg * DEG, sigma_deg * DEG)
+    assert RefusedField(turn_deg * DEG, 11.0, True).is_heard_by(seen) is is_heard
+    assert RefusedField(turn_deg * DEG, 11.0).is_heard_by(seen)
+
+
+@pytest.mark.parametrize(
     ("off_deg", "sigma_deg", "own_deg", "is_doubted"),
     [
         (4.5, 0.3, 0.5, True),

@@ -120,10 +120,12 @@ def test_without_a_force_the_deviation_of_the_tilt_grows_with_the_noise_of_the_g
 # --- gate on the heading ------------------------------------------------------------------------
 
 
-def heading_errors_deg(knows_field: bool, field_s: float, at_s: tuple[float, ...]) -> list[float]:
-    """Errors after so many seconds in a field that is 30 deg off, of the right norm and dip."""
+def heading_errors_deg(
+    knows_field: bool, field_s: float, at_s: tuple[float, ...], off_deg: float = 30.0
+) -> list[float]:
+    """Errors after so many seconds in a field that is turned, of the right norm and dip."""
     drive = accelerating(31.0 + max(at_s), 24, force=still, law=gentle, bias_b=NO_BIAS)
-    drive = with_turned_field(drive, 30.0 * DEG, 30.0, 30.0 + field_s)
+    drive = with_turned_field(drive, off_deg * DEG, 30.0, 30.0 + field_s)
     filter_ = new_filter(knows_field)
     estimates = [filter_.update(sample) for sample in drive.flight.samples]
     errors = []
@@ -187,10 +189,16 @@ def test_a_false_heading_that_passes_turns_nothing() -> None:
     assert max(map(abs, errors)) < 1.0
 
 
-def test_a_false_heading_that_lasts_is_taken() -> None:
-    before, after = heading_errors_deg(True, 100.0, (18.0, 22.0))
+def test_a_heading_that_lasts_is_taken_where_a_gyro_may_have_missed_it() -> None:
+    before, after = heading_errors_deg(True, 100.0, (18.0, 22.0), off_deg=15.0)
     assert abs(before) < 1.0
-    assert after == pytest.approx(-30.0, abs=2.0)
+    assert after == pytest.approx(-15.0, abs=2.0)
+
+
+@pytest.mark.parametrize("off_deg", [30.0, -90.0, 180.0])
+def test_a_field_that_jumps_in_the_air_turns_nothing_however_long_it_lasts(off_deg: float) -> None:
+    errors = heading_errors_deg(True, 100.0, (18.0, 22.0, 60.0, 99.0, 103.0), off_deg)
+    assert max(map(abs, errors)) < 1.0
 
 
 @pytest.mark.parametrize("make", [new_filter, new_integer_filter])

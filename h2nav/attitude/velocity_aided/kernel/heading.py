@@ -23,6 +23,9 @@ from .theta import apply_theta, follow_bias, measure_theta, times_covariance
 MIN_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 # A difference of fewer deviations may be the heading's error.
 KNOWN_SIGMAS_2 = 4.0
+# A gyro's zero before its calibration (MPU-6000), and a scale beyond any data sheet.
+LARGEST_RATE_ERROR = 0.35  # rad/s: 20 deg/s
+LARGEST_SCALE_ERROR = 0.1
 # A field is sound beside one whose norm and dip differ by so many times as much, squared.
 SOUNDER_2 = 9.0
 OFFSET_TIME = 20.0  # s: over which a constant disturbance is distinguished from a passing one
@@ -69,15 +72,18 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
         s.mag_ref_norm = norm
         s.mag_ref_dip = dip
     lost = s.mag_accepted_age_s
+    innovation = wrapped(s.declination - math.atan2(east, north))
+    note_jump(s, innovation)
     if lost > HEADING_LOST and is_rejected(s, g, norm, dip, age) > 0.0:
         return 0
-    innovation = wrapped(s.declination - math.atan2(east, north))
     s.innovation[2] = innovation
     if (lost >= 0.0 or s.heading_witnessed > 0.0) and heading_contradicts(
         s, w, g, innovation, age
     ) > 0.0:
         return 0
     s.heading_rejected_s = 0.0
+    s.heading_agreed = innovation
+    s.field_jumped = 0.0
     if lost > HEADING_LOST and sample.clipped == 0.0:
         # Without a force an error of the tilt would be learnt as one of the field.
         learn_field(s, w, g, norm, dip, flat, age, lag)
@@ -344,12 +350,28 @@ def heading_contradicts(s: State, w: Workspace, g: Gains, innovation: float, age
         return 1.0
     if was_disturbed(s, w, g, innovation) > 0.0:
         return 0.0
+    if s.field_jumped > 0.0 and s.rest_s == 0.0:
+        # Under way it is the field that has turned, and the gyro knows better.
+        return 1.0
     s.heading_rejected_s = s.heading_rejected_s + age
     if s.heading_rejected_s > g.mag_new_time_s:
         # It has lasted: the heading is wrong.
         s.heading_rejected_s = 0.0
         s.mag_accepted_age_s = HEADING_LOST
     return 1.0
+
+
+def note_jump(s: State, innovation: float) -> None:
+    """Notes a field that has left the heading faster than any gyro is wrong.
+
+    Source: docs/filter.md Eq. (81).
+    """
+    left = wrapped(innovation - s.heading_agreed)
+    wrong = LARGEST_RATE_ERROR + LARGEST_SCALE_ERROR * math.sqrt(s.turning)
+    if s.mag_accepted_age_s < 0.0:
+        return
+    if math.fabs(left) > MIN_TURN + s.mag_accepted_age_s * wrong:
+        s.field_jumped = 1.0
 
 
 def was_disturbed(s: State, w: Workspace, g: Gains, innovation: float) -> float:

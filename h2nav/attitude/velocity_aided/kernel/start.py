@@ -49,6 +49,7 @@ def begin(
     s.clipped_angle = s.clipped_s = 0.0
     s.gained_n = s.gained_e = 0.0
     s.mag_age_s = s.mag_new_s = s.heading_rejected_s = s.heading_witnessed = 0.0
+    s.heading_agreed = s.field_jumped = 0.0
     s.aided = s.heading_confirmed = s.heading_off = 0.0
     part_offset(s)
 
