@@ -486,11 +486,11 @@ def test_a_contradiction_that_lasts_gives_the_heading_to_the_next_field(seconds,
 
 
 @pytest.mark.parametrize(
-    ("left_deg", "jumps"), [(23.1, False), (23.3, True), (-23.1, False), (-23.3, True)]
+    ("left_deg", "jumps"), [(27.1, False), (27.3, True), (-27.1, False), (-27.3, True)]
 )
 @pytest.mark.parametrize("how", ["like its reference", "of another norm"])
 def test_a_field_jumps_that_leaves_the_heading_faster_than_a_gyro_is_wrong(left_deg, jumps, how):
-    """20 deg, and in 0.1 s 2 deg of a zero and 1.15 deg of a scale at 2 rad/s."""
+    """20 deg, two deviations, and in 0.1 s 2 deg of a zero and 1.15 of a scale at 2 rad/s."""
     s, w, sample = known()
     s.turning, s.heading_agreed, s.mag_accepted_age_s = 4.0, -5.0 * DEG, 0.1
     norm = NORM if how == "like its reference" else 2.0 * NORM

@@ -370,7 +370,8 @@ def note_jump(s: State, innovation: float) -> None:
     wrong = LARGEST_RATE_ERROR + LARGEST_SCALE_ERROR * math.sqrt(s.turning)
     if s.mag_accepted_age_s < 0.0:
         return
-    if math.fabs(left) > MIN_TURN + s.mag_accepted_age_s * wrong:
+    known = math.sqrt(KNOWN_SIGMAS_2 * s.heading_variance)
+    if math.fabs(left) > MIN_TURN + known + s.mag_accepted_age_s * wrong:
         s.field_jumped = 1.0
 
 
