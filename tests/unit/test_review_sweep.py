@@ -3,10 +3,12 @@
 import needs
 import numpy as np
 import pytest
+from made_logs import dataflash, made_flight
 from needs import REPOSITORY
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
 from h2nav.maths.units import DEG
+from h2nav.recordings.opening import open_flight
 from h2nav.recordings.recording import open_recording
 from h2nav.recordings.telemetry import read_context
 
@@ -69,6 +71,52 @@ def test_the_autopilots_heading_is_turned(written):
     np.testing.assert_allclose(angle[acts], 10.0, atol=0.1)
     assert angle[~acts].max() < 0.1
 
+
+# --- logs of the autopilots ---------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "made.bin"
+    path.write_bytes(dataflash(made_flight(duration_s=30.0)))
+    return open_flight(path)
+
+
+def in_log(tool, log, name, size):
+    """Its context with a fault, from 10 to 20 s, and without."""
+    fault = next(each for each in tool.FAULTS if each.name == name)
+    case = tool.Case(size, 10.0, 20.0, np.array([0.0, 0.0, 1.0]), 50.0, 1)
+    return tool.FaultyLog(log, fault, case).context(), log.context()
+
+
+def test_of_a_log_samples_are_taken_away_with_all_that_they_hold(tool, log):
+    faulty, plain = in_log(tool, log, "samples missing", 0.5)
+    gone = len(plain.imus[0].t_s) - len(faulty.imus[0].t_s)
+    assert gone == pytest.approx(100, abs=2)
+    assert faulty.imus[0].device_ids == plain.imus[0].device_ids
+    assert len(faulty.imus[1].t_s) == len(plain.imus[1].t_s)
+
+
+def test_of_a_log_a_compass_shows_in_both_messages_what_its_fault_makes(tool, log):
+    faulty, plain = in_log(tool, log, "hard iron in flight", 0.4)
+    for mine, own in ((faulty.imus, plain.imus), (faulty.compasses, plain.compasses)):
+        acts = (own[0].t_s >= 10.0) & (own[0].t_s < 20.0) & np.isfinite(own[0].m_b_ut[:, 0])
+        extra = mine[0].m_b_ut - own[0].m_b_ut
+        np.testing.assert_allclose(extra[acts], [[0.0, 0.0, 20.0]] * acts.sum(), atol=1e-6)
+        np.testing.assert_array_equal(mine[1].m_b_ut, own[1].m_b_ut)
+
+
+def test_a_compass_freezes_at_a_reading(tool, log):
+    """Most samples of an IMU have none."""
+    faulty, plain = in_log(tool, log, "compass frozen", 1.0)
+    for mine, own in ((faulty.imus[0], plain.imus[0]), (faulty.compasses[0], plain.compasses[0])):
+        known = np.isfinite(own.m_b_ut[:, 0])
+        np.testing.assert_array_equal(np.isfinite(mine.m_b_ut[:, 0]), known)
+        acts = known & (own.t_s >= 10.0) & (own.t_s < 20.0)
+        assert not np.ptp(mine.m_b_ut[acts], axis=0).any()
+
+
+# --- what is right --------------------------------------------------------------------------------
 
 IMU_1 = Sensor(SensorKind.IMU, 1)
 
