@@ -486,16 +486,24 @@ def test_a_contradiction_that_lasts_gives_the_heading_to_the_next_field(seconds,
 
 
 @pytest.mark.parametrize(
-    ("left_deg", "jumps"), [(27.1, False), (27.3, True), (-27.1, False), (-27.3, True)]
+    ("left_deg", "jumps"), [(48.9, False), (49.1, True), (-48.9, False), (-49.1, True)]
 )
 @pytest.mark.parametrize("how", ["like its reference", "of another norm"])
 def test_a_field_jumps_that_leaves_the_heading_faster_than_a_gyro_is_wrong(left_deg, jumps, how):
-    """20 deg, two deviations, and in 0.1 s 2 deg of a zero and 1.15 of a scale at 2 rad/s."""
+    """20 deg, two deviations, and in 0.1 s 2 deg of a zero and 23 of a gyro that turns backward."""
     s, w, sample = known()
     s.turning, s.heading_agreed, s.mag_accepted_age_s = 4.0, -5.0 * DEG, 0.1
     norm = NORM if how == "like its reference" else 2.0 * NORM
     innovation = left_deg * DEG - 5.0 * DEG
     assert used(s, w, sample, field(norm, east_of_north=DECLINATION - innovation)) == 0
+    assert bool(s.field_jumped) is jumps
+
+
+@pytest.mark.parametrize(("age_s", "jumps"), [(0.9, True), (1.1, False)])
+def test_a_field_that_was_not_seen_for_a_second_has_not_jumped(age_s, jumps):
+    s, w, sample = known()
+    s.mag_accepted_age_s = age_s
+    used(s, w, sample, field(east_of_north=DECLINATION + 120.0 * DEG))
     assert bool(s.field_jumped) is jumps
 
 

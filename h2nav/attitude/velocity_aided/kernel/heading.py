@@ -23,9 +23,9 @@ from .theta import apply_theta, follow_bias, measure_theta, times_covariance
 MIN_TURN = 0.35  # rad: a smaller turn of a field may be its noise
 # A difference of fewer deviations may be the heading's error.
 KNOWN_SIGMAS_2 = 4.0
-# A gyro's zero before its calibration (MPU-6000), and a scale beyond any data sheet.
+# A gyro's zero before its calibration (MPU-6000), and one with the wrong sign, axes or units.
 LARGEST_RATE_ERROR = 0.35  # rad/s: 20 deg/s
-LARGEST_SCALE_ERROR = 0.1
+LARGEST_SCALE_ERROR = 2.0
 # A field is sound beside one whose norm and dip differ by so many times as much, squared.
 SOUNDER_2 = 9.0
 OFFSET_TIME = 20.0  # s: over which a constant disturbance is distinguished from a passing one
@@ -368,7 +368,7 @@ def note_jump(s: State, innovation: float) -> None:
     """
     left = wrapped(innovation - s.heading_agreed)
     wrong = LARGEST_RATE_ERROR + LARGEST_SCALE_ERROR * math.sqrt(s.turning)
-    if s.mag_accepted_age_s < 0.0:
+    if s.mag_accepted_age_s < 0.0 or s.mag_accepted_age_s > OLDEST_FIELD:
         return
     known = math.sqrt(KNOWN_SIGMAS_2 * s.heading_variance)
     if math.fabs(left) > MIN_TURN + known + s.mag_accepted_age_s * wrong:
