@@ -304,22 +304,21 @@ class VelocityWitness:
         if fix.t_us - start.t_us < WITNESS_WINDOW_US:
             return  # and it was true before that time
         fix = corrected(fix)
-        length_us = fix.t_us - start.t_us
-        if length_us < WITNESS_WINDOW_US:
+        if fix.t_us - start.t_us < WITNESS_WINDOW_US:
             return
         self._start = end = self._moment(fix)
-        if end is not None and length_us <= LONGEST_WINDOW_US:
+        if end is not None and end.t_us - start.t_us <= LONGEST_WINDOW_US:
             self._close(start, end)
 
     def _moment(self, fix: VelocityFix) -> _Moment | None:
         """What is known of the time of a velocity; None where it is not kept."""
         self._settle()
-        now = self._integrated
+        now, newest_us = self._integrated, self._integrated.t_us or 0
         level = now.at(fix.t_us)
-        sums = self._past.at(fix.t_us, now.t_us or 0, self._sums)
-        if level is None or sums is None:
+        sums = self._past.at(fix.t_us, newest_us, self._sums)
+        if level is None or sums is None or fix.t_us - newest_us > LONGEST_STEP_US:
             return None
-        t_us = min(fix.t_us, now.t_us or 0)
+        t_us = min(fix.t_us, newest_us)
         return _Moment(t_us, now.breaks, fix, self._heading_rad, *_pairs(level), *_pairs(sums))
 
     def _judge(self) -> None:

@@ -458,6 +458,17 @@ def test_a_latency_that_is_known_is_no_heading(ours_deg, theirs_deg, right, lear
     assert flight.verdicts.heading is right
 
 
+def test_velocities_without_samples_are_no_evidence():
+    flight = Flight(RIGHT, yaw(12.0), to_and_fro, swinging)
+    velocity = flight.witness._reporters[AttitudeSource.AUTOPILOT].velocity
+    before = list(velocity._windows)
+    for count in range(1, 51):
+        fix = VelocityFix(60_000_000 + 30_000_000 + 200_000 * count, (3.0, 1.0, 0.0), 0.3)
+        flight.witness.fix(fix)
+    assert list(velocity._windows) == before
+    assert velocity.verdicts.heading is VelocityVerdict.H2NAV
+
+
 @pytest.mark.parametrize(("late_s", "is_known"), [(0.2, True), (0.4, False)])
 def test_a_receiver_that_is_later_than_it_was_proves_nothing(late_s, is_known):
     flight = Flight(
