@@ -463,7 +463,7 @@ def test_velocities_without_samples_are_no_evidence():
     velocity = flight.witness._reporters[AttitudeSource.AUTOPILOT].velocity
     before = list(velocity._windows)
     for count in range(1, 51):
-        fix = VelocityFix(60_000_000 + 30_000_000 + 200_000 * count, (3.0, 1.0, 0.0), 0.3)
+        fix = VelocityFix(90_200_000 + 200_000 * count, (3.0, 1.0, 0.0), 0.3)
         flight.witness.fix(fix)
     assert list(velocity._windows) == before
     assert velocity.verdicts.heading is VelocityVerdict.H2NAV
