@@ -149,8 +149,12 @@ class State:
         3, "field", "the contradicting field when turning was last added"
     )
     heading_rejected_s: float = real("s", "for how long the field has contradicted the heading")
-    heading_agreed: float = real("rad", "innovation of the heading by the field that was used last")
-    field_jumped: float = real("", "1: the field left the heading faster than a gyro is wrong")
+    heading_agreed: float = real(
+        "rad", "innovation by the field that was used last, and what the heading had been turned by"
+    )
+    field_jumped: float = real(
+        "", "1: the field left the heading faster than a gyro is wrong; -1: none has been used"
+    )
     mag_offset_norm: float = real(
         "", "mean difference of the field's norm from the reference", FIELD_DIFFERENCE
     )

@@ -492,7 +492,8 @@ def test_a_contradiction_that_lasts_gives_the_heading_to_the_next_field(seconds,
 def test_a_field_jumps_that_leaves_the_heading_faster_than_a_gyro_is_wrong(left_deg, jumps, how):
     """20 deg, two deviations, and in 0.1 s 2 deg of a zero and 23 of a gyro that turns backward."""
     s, w, sample = known()
-    s.turning, s.heading_agreed, s.mag_accepted_age_s = 4.0, -5.0 * DEG, 0.1
+    s.turning, s.mag_accepted_age_s = 4.0, 0.1
+    s.heading_agreed, s.heading_turned = 25.0 * DEG, 30.0 * DEG  # by corrections
     norm = NORM if how == "like its reference" else 2.0 * NORM
     innovation = left_deg * DEG - 5.0 * DEG
     assert used(s, w, sample, field(norm, east_of_north=DECLINATION - innovation)) == 0
@@ -516,6 +517,17 @@ def test_a_field_that_has_jumped_gives_no_heading_under_way(changes, is_lost):
     for _ in range(102):
         assert contradicts(s, w, 1.5, age_s=0.2) == 1.0
     assert (s.mag_accepted_age_s == HEADING_LOST) is is_lost
+
+
+def test_after_a_start_there_is_no_heading_that_a_field_could_leave():
+    """As when a tilt is found anew, and the heading goes on."""
+    s, w, sample = known()
+    s.field_jumped, s.heading_agreed = -1.0, 0.0
+    used(s, w, sample, field(east_of_north=DECLINATION + 120.0 * DEG))
+    assert s.field_jumped == -1.0
+    s.mag_age_s = 0.1
+    used(s, w, sample, field())
+    assert s.field_jumped == 0.0
 
 
 def test_a_field_that_is_back_has_not_jumped():

@@ -82,7 +82,7 @@ def use_field(s: State, w: Workspace, g: Gains, sample: Sample) -> int:
     ) > 0.0:
         return 0
     s.heading_rejected_s = 0.0
-    s.heading_agreed = innovation
+    s.heading_agreed = innovation + s.heading_turned
     s.field_jumped = 0.0
     if lost > HEADING_LOST and sample.clipped == 0.0:
         # Without a force an error of the tilt would be learnt as one of the field.
@@ -366,9 +366,9 @@ def note_jump(s: State, innovation: float) -> None:
 
     Source: docs/filter.md Eq. (81).
     """
-    left = wrapped(innovation - s.heading_agreed)
+    left = wrapped(innovation + s.heading_turned - s.heading_agreed)
     wrong = LARGEST_RATE_ERROR + LARGEST_SCALE_ERROR * math.sqrt(s.turning)
-    if s.mag_accepted_age_s < 0.0 or s.mag_accepted_age_s > OLDEST_FIELD:
+    if s.field_jumped < 0.0 or s.mag_accepted_age_s < 0.0 or s.mag_accepted_age_s > OLDEST_FIELD:
         return
     known = math.sqrt(KNOWN_SIGMAS_2 * s.heading_variance)
     if math.fabs(left) > MIN_TURN + known + s.mag_accepted_age_s * wrong:

@@ -49,7 +49,7 @@ def begin(
     s.clipped_angle = s.clipped_s = 0.0
     s.gained_n = s.gained_e = 0.0
     s.mag_age_s = s.mag_new_s = s.heading_rejected_s = s.heading_witnessed = 0.0
-    s.heading_agreed = s.field_jumped = 0.0
+    s.field_jumped = -1.0
     s.aided = s.heading_confirmed = s.heading_off = 0.0
     part_offset(s)
 
@@ -85,3 +85,4 @@ def find_in_air(
         s.heading_variance = heading_sigma * heading_sigma
         s.heading_unknown = 0.0
         s.mag_accepted_age_s = 0.0
+        s.field_jumped = -1.0
