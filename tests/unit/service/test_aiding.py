@@ -224,6 +224,7 @@ class Vehicle:
         )
         estimation = SimpleNamespace(
             heard_t_us=heard_us,
+            corrected="corrected",
             use=self.used.append,
             use_gravity=self.gravity.append,
             doubt="doubt",
@@ -243,7 +244,7 @@ def test_a_fix_gives_field_gravity_velocity_and_their_records():
     vehicle = Vehicle()
     field, velocity = vehicle.aiding.on_receiver(S, FIX)
     assert vehicle.used == [FIELD, VELOCITY]
-    assert vehicle.witnessed == [(VELOCITY, "doubt")]
+    assert vehicle.witnessed == [(VELOCITY, "doubt", "corrected")]
     assert vehicle.gravity == [pytest.approx(9.7966, abs=1e-3)]  # 35 deg S, 584 m
     assert (field.topic, field.t_us) == ("/aiding", None)
     assert (velocity.topic, velocity.t_us) == ("/aiding", 10_000_000)

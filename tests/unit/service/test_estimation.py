@@ -642,6 +642,8 @@ def test_before_an_autopilot_is_known_nothing_is():
         False,
     )
     assert found.doubt == NO_DOUBT
+    fix = VelocityFix(0, (1.0, 2.0, 0.0), 0.3)
+    assert found.corrected(fix) is fix
     assert found.error_by_compass_rad is None
     assert math.isnan(found.ratios.velocity_1s)
     assert (found.alarms(), found.lane_records(), found.objections(0)) == ([], [], ())
