@@ -21,6 +21,7 @@ from h2nav.attitude.velocity_aided.kernel.heading import (
     use_field,
     wrapped,
 )
+from h2nav.attitude.velocity_aided.kernel.start import find_in_air
 from h2nav.attitude.velocity_aided.memory import (
     FIELD_USED,
     HEADING_LOST,
@@ -528,6 +529,14 @@ def test_after_a_start_there_is_no_heading_that_a_field_could_leave():
     s.mag_age_s = 0.1
     used(s, w, sample, field())
     assert s.field_jumped == 0.0
+
+
+@pytest.mark.parametrize("heading_sigma", [0.1, math.inf])
+def test_after_an_attitude_found_in_the_air_no_field_has_jumped(heading_sigma):
+    s, w, _ = known()
+    s.field_jumped = 1.0
+    find_in_air(s, w, gains(), 2.5, 0.1, heading_sigma)
+    assert s.field_jumped == -1.0
 
 
 def test_a_field_that_is_back_has_not_jumped():

@@ -76,6 +76,7 @@ def find_in_air(
     """
     set_matrix(s, w, s.q_nb[0], s.q_nb[1], s.q_nb[2], s.q_nb[3])
     restart_tilt(s, w, g, 0.0)
+    s.field_jumped = -1.0
     s.age_s = length
     s.extra_tilt_sigma = tilt_sigma
     if heading_sigma * heading_sigma < g.heading_variance:
@@ -85,4 +86,3 @@ def find_in_air(
         s.heading_variance = heading_sigma * heading_sigma
         s.heading_unknown = 0.0
         s.mag_accepted_age_s = 0.0
-        s.field_jumped = -1.0
