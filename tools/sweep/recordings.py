@@ -4,14 +4,14 @@ import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from fastcrc import crc16
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from h2nav.maths.rows import from_euler, to_euler
+from h2nav.maths.rows import from_euler, select_rows, to_euler
 from h2nav.maths.units import DEG, EARTH_RADIUS_M
 from h2nav.recordings.autopilot_log import AutopilotLog, Recorded
 from h2nav.recordings.context import AttitudeTrack, CompassTrack, GpsTrack, ImuTrack
@@ -34,7 +34,6 @@ ATTITUDE, FIX = mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_GPS_RAW_
 HIGHRES = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
 OF_FIRST = (mavlink.MAVLINK_MSG_ID_RAW_IMU, mavlink.MAVLINK_MSG_ID_SCALED_IMU, HIGHRES)
 OF_OTHERS = {mavlink.MAVLINK_MSG_ID_SCALED_IMU2, mavlink.MAVLINK_MSG_ID_SCALED_IMU3}
-Series = TypeVar("Series", ImuTrack, Readings)
 UNIX_NS = 1_795_000_000_000_000_000
 # What a fake autopilot is asked for, Hz.
 REQUESTED_HZ = {
@@ -201,14 +200,6 @@ def _change_attitude(table: FrameTable, t_s: Array, fault: Fault, case: Case) ->
 # --- logs of the autopilots -----------------------------------------------------------------------
 
 
-def _rows(series: Series, kept: NDArray[np.bool_]) -> Series:
-    """Those of all columns of a series."""
-    columns = series._asdict().items()
-    return series._replace(
-        **{name: column[kept] for name, column in columns if isinstance(column, np.ndarray)}
-    )
-
-
 class FaultyLog(AutopilotLog):
     """A log with a fault in it.
 
@@ -255,7 +246,7 @@ class FaultyLog(AutopilotLog):
             track = track._replace(w_b=new.w_b, f_b=new.f_b, m_b_ut=new.m_b_ut)
         if fault is not None and fault.lost is not None:
             kept = ~fault.lost(track.t_s, case)
-            track = _rows(track, kept)
+            track = select_rows(track, kept)
         return track
 
     def _compass(self, track: CompassTrack) -> CompassTrack:
@@ -275,7 +266,7 @@ class FaultyLog(AutopilotLog):
             readings = readings._replace(w_b=new.w_b, f_b=new.f_b, m_b_ut=new.m_b_ut)
         if fault is not None and fault.lost is not None:
             kept = ~fault.lost(t_s, case)
-            readings = _rows(readings, kept)
+            readings = select_rows(readings, kept)
         return readings
 
     def _receiver(self, track: GpsTrack) -> GpsTrack:
