@@ -81,7 +81,7 @@ def _watch(name: str, entry: str, *names: str) -> KernelFiles:
     return KernelFiles(name, paths, entry, "integrity")
 
 
-SENSOR_CHECKS = _watch("sensor_checks", "check", "repeats", "standstill", "checks")
+SENSOR_CHECKS = _watch("sensor_checks", "check", "repeats", "standstill", "turns", "checks")
 SENSOR_WINDOWS = _watch("sensor_windows", "follow", "rotation", "windows")
 # in the order of their numbers in the extension
 COMPILED = (*FILTERS, SENSOR_CHECKS, SENSOR_WINDOWS)

@@ -126,6 +126,30 @@ class LinearModel:
         return found
 
 
+class NoiseSearch(NamedTuple):
+    """How the noise of rows is found."""
+
+    first: float  # what it is taken for before
+    least: float  # what it is at least
+    fits: int  # how often
+
+
+def fit_of_unknown_noise(
+    model: LinearModel, sigmas: Sequence[float], count: int, search: NoiseSearch
+) -> tuple[HypothesisFit, float, float]:
+    """Fits unknowns to values whose noise, of deviation 1 in the model, is what they leave.
+
+    Returns:
+        The last fit, the noise that it was given, and the one that it leaves.
+    """
+    noise, fit, left = search.first, HypothesisFit(), search.first
+    for _ in range(search.fits):
+        noise = left
+        fit = model.fit([sigma / noise for sigma in sigmas])
+        left = max(math.sqrt(max(model.square - fit.explained, 0.0) / count), search.least)
+    return fit, noise, left
+
+
 class Since:
     """Further unknowns of a model that begin with one of its rows.
 

@@ -35,6 +35,7 @@ from h2nav.integrity.contradiction_alarms import (
 from h2nav.integrity.field_evidence import OPEN_RATIO, FieldEvidence
 from h2nav.integrity.findings import Alarm, Kind, Sensor
 from h2nav.integrity.force_size import ForceError, ForceSize
+from h2nav.integrity.gyro_turns import GyroTurns
 from h2nav.integrity.kernel.checks import LONGEST_STEP_US
 from h2nav.integrity.kernel.memory import (
     BEGUN,
@@ -43,6 +44,7 @@ from h2nav.integrity.kernel.memory import (
     KEPT,
     ROW,
     THIN_ROW,
+    TURN_ROW,
     UNSEEN_TURN,
 )
 from h2nav.integrity.lasting import Lasting
@@ -105,6 +107,7 @@ class Monitor(TakesInputs):
         field_is_frozen: the compass does not show the heading.
         ratios: test ratios at the latest sample.
         corrections: of the tilt, by the filter.
+        rate_factor: by which the gyro's rates have to be multiplied, by the field.
     """
 
     def __init__(self, imu: Sensor, speeds: Speeds) -> None:
@@ -116,6 +119,8 @@ class Monitor(TakesInputs):
         self._strapdown = Strapdown(self._watch)
         self._velocity = VelocityWindows(self._strapdown)
         self._field = FieldEvidence(self._watch, self._strapdown)
+        self._turns, self._gyro_is_agreed = GyroTurns(), False
+        self._gyro_is_wrong, self.rate_factor = False, 1.0
         self._opened = OpenedErrors()
         self._unknown_heading_rad = 0.0  # what a field that was wrong from the start leaves open
         self._search = CauseSearch(self._strapdown, self._velocity, self._opened)
@@ -160,6 +165,11 @@ class Monitor(TakesInputs):
         self._checked_us = t_us
         bits = self._checked = self._watch.check(sample)
         self.field_is_frozen = bits & FIELD_FROZEN > 0
+        if bits & TURN_ROW:
+            windows = self._field.windows
+            is_of_earth = windows.reference is not None and windows.has_norm
+            if self._turns.take(self._watch.memory, is_of_earth=is_of_earth):
+                self._see_turns()
         if bits & UNSEEN_TURN:
             unseen_rad = self._watch.memory.unseen_rad
             self._opened.open(unseen_rad, unseen_rad)
@@ -168,7 +178,18 @@ class Monitor(TakesInputs):
     @property
     def sensor_is_bad(self) -> bool:
         """Whether gyro or accelerometer is known to be faulty now."""
-        return is_bad(self._checked, self._watch.memory)
+        return self._gyro_is_wrong or is_bad(self._checked, self._watch.memory)
+
+    @property
+    def misturned_rad(self) -> float:
+        """By how much the attitude may be off by rates that have to be multiplied by a number."""
+        return abs(1.0 - self.rate_factor) * self._turns.turned_rad
+
+    def _see_turns(self) -> None:
+        """Takes what the field shows of the gyro, unless another gyro agrees with it."""
+        turns, is_agreed = self._turns, self._gyro_is_agreed
+        self._gyro_is_wrong = turns.error is not None and not is_agreed
+        self.rate_factor = 1.0 if is_agreed else turns.rate_factor
 
     @property
     def force_error(self) -> ForceError | None:
@@ -392,6 +413,9 @@ class Monitor(TakesInputs):
         """Takes which of its sensors show the same as another IMU's: they are not accused."""
         found = ((Cause.GYRO, gyro), (Cause.ACCELEROMETER, accelerometer))
         self._search.use_cleared(frozenset(cause for cause, agrees in found if agrees))
+        if gyro is not self._gyro_is_agreed:
+            self._gyro_is_agreed = gyro
+            self._see_turns()
 
     def use_differing_force(self, differs: bool) -> None:
         """Takes whether its force and another IMU's differ, and nobody knows which is wrong."""
@@ -412,6 +436,10 @@ class Monitor(TakesInputs):
                 self._watch.forget_rest()
                 self._was_on_ground = True
         self._on_ground = vehicle.on_ground
+
+    def change_message(self) -> None:
+        """Goes on with samples of another message of the same sensors."""
+        self._watch.forget_values()
 
     def use_delays(self, delays: SensorDelays) -> None:
         """Takes the sensors' delays."""
@@ -450,12 +478,12 @@ class Monitor(TakesInputs):
         and then until it has proved itself. A heading held by velocities alone does not count
         against them, nor do forces sampled too slowly for the vehicle's vibration.
         """
-        return self._search.velocity_is_false
+        return self._search.velocity_is_false and not self._gyro_is_wrong
 
     @property
     def velocity_is_known_false(self) -> bool:
         """Whether that is decided, and not only probable."""
-        return self._search.velocity_is_known_false
+        return self._search.velocity_is_known_false and not self._gyro_is_wrong
 
     @property
     def may_be_bent(self) -> bool:
@@ -494,6 +522,8 @@ class Monitor(TakesInputs):
     def alarms(self, t_us: int) -> tuple[Alarm, ...]:
         """The alarms at this time."""
         found = sensor_alarms(self._imu, self._checked, self._watch.memory)
+        if self._gyro_is_wrong:
+            found += self._turns.alarms(self._imu, t_us)
         lost_us = max(VELOCITY_LOST_US, PERIODS_LOST * self._fix_period_us)
         if self._fix is not None and t_us - self._fix.t_us - self._silent_us > lost_us:
             found.append(no_velocity(self._fix, (t_us - self._fix.t_us) * 1e-6))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from h2nav.integrity.likelihood import LinearModel
+from h2nav.integrity.likelihood import LinearModel, NoiseSearch, fit_of_unknown_noise
 from h2nav.integrity.sensor_pairs import VOTING_WINDOW_S
 from h2nav.maths.quaternion import IDENTITY, Quat, Vec3, conjugate, multiply, rotate, turned
 from h2nav.maths.units import DEG
@@ -31,8 +31,8 @@ EXPECTED_SHARE = 0.5
 PRIOR_SIGMAS = (2.0, *3 * (0.1,), *3 * (0.1 * DEG,))
 # Deviation of one component of a field's change: resolution and noise at the least; beyond the
 # most the fields fit no gyro.
-MIN_SIGMA, FIRST_SIGMA, MAX_SIGMA = 0.01, 0.03, 0.15
-FITS = 3
+NOISES = NoiseSearch(first=0.03, least=0.01, fits=3)
+MAX_SIGMA = 0.15
 DECIDED = 3.0  # deviations
 # A share further from 0 and from 1 shows that neither gyro fits, or that their biases differ.
 NEAR = 0.3
@@ -136,12 +136,7 @@ def _judged(rows: Sequence[_Row]) -> tuple[int, float] | None:
         for values in (left, *columns):
             values.append(0.0)
     model = LinearModel([1.0] * (len(left) // 2), left, columns, (0.0, 1.0))
-    sigma = FIRST_SIGMA
-    for _ in range(FITS):
-        noise = sigma
-        fit = model.fit([prior / noise for prior in PRIOR_SIGMAS])
-        rest = max(model.square - fit.explained, 0.0)
-        sigma = max(math.sqrt(rest / len(left)), MIN_SIGMA)
+    fit, noise, sigma = fit_of_unknown_noise(model, PRIOR_SIGMAS, len(left), NOISES)
     if sigma > MAX_SIGMA:
         return None
     share = EXPECTED_SHARE + fit.unknowns()[0]

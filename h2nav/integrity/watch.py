@@ -45,6 +45,15 @@ class Watch:
         for at in _AT_REST:
             memory.seen[at] = memory.longest[at] = memory.runs[at] = 0.0
 
+    def forget_values(self) -> None:
+        """Forgets the resolution of the values and how often they repeat: others follow."""
+        memory = self.memory
+        memory.has_begun = 0.0
+        for learnt in (memory.count, memory.usual, memory.still_us, memory.seen, memory.longest):
+            learnt[:] = [0.0] * len(learnt)
+        for run in (memory.runs, memory.run, memory.run_us, memory.run_moved, memory.accused):
+            run[:] = [0.0] * len(run)
+
     def check(self, sample: ImuSample) -> int:
         """Takes a sample before the filter does; returns the bits of `kernel.checks.check`."""
         t_us, (p, q, r), (f_x, f_y, f_z), m_b_ut, clipped = sample

@@ -12,6 +12,7 @@ from h2nav.attitude.lead import extrapolated
 from h2nav.attitude.samples import (
     AttitudeEstimate,
     ImuSample,
+    SensorDoubt,
     Trust,
     Vec3,
     VehicleState,
@@ -24,7 +25,7 @@ from h2nav.integrity.ratios import InnovationRatios
 from h2nav.integrity.sensor_checks import VIBRATION_M_S2, Use
 from h2nav.integrity.sensor_pairs import InertialSensor
 from h2nav.integrity.voting import Suspicion, Verdict
-from h2nav.maths.units import GRAVITY_M_S2, SECOND_NS
+from h2nav.maths.units import DEG, GRAVITY_M_S2, SECOND_NS
 from h2nav.service.attitude_votes import Vote
 from h2nav.service.autopilot import Identity
 from h2nav.service.imu_choice import ImuChoice, LaneMessages
@@ -50,6 +51,8 @@ FIXED_WING_SPEEDS = Speeds(30.0)
 OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
 # Members of enumerations cost a look-up each: these are asked for at every sample.
+# More than a tilt is off by a wrong scale: gravity holds it.
+MAX_TILT_RAD = 15.0 * DEG
 ALL, NONE, NEXT, SAMPLE = Use.ALL, Use.NONE, TimeVerdict.NEXT, Need.SAMPLE
 # A plain number: `&` of a flag makes a new one.
 REST = int(Trust.REST)
@@ -138,6 +141,7 @@ class Lane:
         # host time of the newest sample; None before the first
         self.last_used_ns: int | None = None
         self._gap_ns = 0  # between the newest sample and the one before
+        self._message_id: int | None = None  # of the newest sample
         self._was_used = False
         self._resumed_ns = 0
         self.newest: ImuSample | None = None  # the newest sample, unchanged
@@ -341,6 +345,8 @@ class Lane:
             self.event = event = verdict
             self._begin_epoch()
         self.newest = sample
+        if incoming.message_id != self._message_id:
+            self._change_message(incoming.message_id)
         usable, is_accused = self._usable(t_ns, self.lent.choose(t_ns, sample))
         if usable is None:
             return ACCUSED if is_accused else NO_STEP
@@ -368,6 +374,20 @@ class Lane:
             checked = _at_its_end(checked, usable)
         self._filtered = checked
         return tuple.__new__(Step, (usable, self._filtered, event, is_accused))
+
+    def _rescale(self) -> None:
+        """Takes another scale of the gyro, whose turns until now may have been wrong."""
+        self._bias.scale(self.monitor.rate_factor)
+        wrong_rad = self.monitor.misturned_rad
+        self._filter.doubt(
+            SensorDoubt(tilt_rad=min(wrong_rad, MAX_TILT_RAD), heading_rad=wrong_rad)
+        )
+
+    def _change_message(self, message_id: int) -> None:
+        """Goes on with samples of another message, whose digits are others."""
+        if self._message_id is not None:
+            self.monitor.change_message()
+        self._message_id = message_id
 
     def _see_rest(self, sample: ImuSample, filtered: AttitudeEstimate | None) -> None:
         """Measures the accelerometer's bias by the size of the force at rest."""
@@ -517,6 +537,8 @@ class Lane:
         if before is NONE:
             self._filter.restart()
             monitor.restart()
+        if monitor.rate_factor != self._bias.rate_factor:
+            self._rescale()
         self._counted += 1
         if self.trust.refusals or self.trust.lost:
             self.trust.accept()

@@ -25,10 +25,12 @@ class OwnBias:
     Attributes:
         differs: the rates have to be corrected.
         pushes: the forces have to be corrected.
+        rate_factor: by which the gyro's rates have to be multiplied.
     """
 
     def __init__(self) -> None:
         self.differs = self.pushes = False
+        self.rate_factor = 1.0
         self._offset = NO_OFFSET
         # of the accelerometer, as found in flight and at rest
         self._found = self._resting = self._force = NO_OFFSET
@@ -42,12 +44,12 @@ class OwnBias:
 
     def take_over(self, other: "OwnBias", bias_b: Vec3) -> None:
         """Notes that the filter has the state of another lane, with the bias `bias_b`."""
-        self._offset, self.differs = NO_OFFSET, False
+        self._offset = NO_OFFSET
         if self._known:
             (x, y, z), (u, v, w) = self._known[0][1], bias_b
             a, b, c = other._offset
             self._offset = (x - u + a, y - v + b, z - w + c)
-            self.differs = self._offset != NO_OFFSET
+        self._set_differs()
 
     def shift(self, moved: Vec3) -> None:
         """Notes by how much the gyro's zero has moved since it was known, rad/s."""
@@ -62,8 +64,17 @@ class OwnBias:
         """
         if not is_outvoted:
             self.shift(found.rate_b)
-        self._offset, self.differs = _plus(self._offset, found.rate_b), True
+        self._offset = _plus(self._offset, found.rate_b)
+        self._set_differs()
         self._set_force(_plus(self._found, found.force_b), self._resting)
+
+    def scale(self, rate_factor: float) -> None:
+        """Takes by what the rates have to be multiplied: 1 of a gyro whose scale is right."""
+        self.rate_factor = rate_factor
+        self._set_differs()
+
+    def _set_differs(self) -> None:
+        self.differs = self._offset != NO_OFFSET or self.rate_factor != 1.0
 
     @property
     def found_b(self) -> Vec3:
@@ -103,8 +114,8 @@ class OwnBias:
 
     def update(self, chosen: AttitudeFilter, sample: ImuSample) -> AttitudeEstimate | None:
         """Returns the filter's estimate for a sample, with the bias of this lane's gyro."""
-        (x, y, z), (a, b, c) = sample.w_b, self._offset
-        filtered = chosen.update(sample._replace(w_b=(x - a, y - b, z - c)))
+        (x, y, z), (a, b, c), k = sample.w_b, self._offset, self.rate_factor
+        filtered = chosen.update(sample._replace(w_b=(k * x - a, k * y - b, k * z - c)))
         if filtered is None:
             return None
         return filtered._replace(bias_b=_plus(filtered.bias_b, self._offset))

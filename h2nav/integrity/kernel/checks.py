@@ -2,9 +2,10 @@
 
 import math
 
-from .memory import FIELD_FROZEN, Gains, Memory, Sample
+from .memory import FIELD_FROZEN, TURN_ROW, Gains, Memory, Sample
 from .repeats import forget_runs
 from .standstill import TURNING_RAD_S, field_is_frozen, standstill
+from .turns import add_turn
 
 # Over a longer gap in the samples nothing is known of the values in between.
 LONGEST_STEP_US = 300e3
@@ -42,7 +43,7 @@ def check(s: Memory, g: Gains, sample: Sample) -> int:
     s.field_frozen = frozen
     if frozen == 1:
         bits = bits | FIELD_FROZEN
-    return bits
+    return bits | TURN_ROW * add_turn(s, sample)
 
 
 def turn_of(gyro: list[float], step_us: float) -> float:

@@ -14,7 +14,8 @@ GYRO_FROZEN = 1
 FORCE_FROZEN = 2
 FIELD_FROZEN = 4
 UNSEEN_TURN = 8  # accuses nobody
-STUCK_AXIS = 16
+TURN_ROW = 16  # a row of turns is complete; accuses nobody
+STUCK_AXIS = 32
 # bits of the result after the filter
 BEGUN = 1  # a restart: nothing before may be compared with anything after
 KEPT = 2  # this moment is to be recorded
@@ -57,6 +58,21 @@ class Memory:
     field_still_us: float = real("us", "since that field came first")
     field_turned_rad: float = real("rad", "angle that the vehicle has turned since")
     field_frozen: float = real("", "1: it repeats itself while the vehicle turns")
+    turn_us: float = real("us", "time at which the row of turns began; 0: there is none")
+    turn_sums: list[float] = reals(
+        19,
+        "",
+        "the row so far: its first field, uT; integrals of the products of field and rate, uT, "
+        "three for each component of the field, of the field, uT s, and of the rate, rad; path, "
+        "rad",
+    )
+    turn_step: list[float] = reals(
+        4, "rad, s", "what the gyro has turned since the latest new field, and for how long"
+    )
+    turn_field: list[float] = reals(3, "uT", "that field")
+    turn_row: list[float] = reals(
+        19, "", "the latest full row; the change of the field in place of the first one"
+    )
     window_us: float = real("us", "length of the levels' window so far")
     slow_force: list[float] = reals(3, "m/s^2", "specific force below the cut-off of vibration")
     squares: list[float] = reals(3, "(m/s^2)^2", "squares of what is above it, sums")

@@ -598,3 +598,28 @@ def test_what_begins_as_an_attitude_that_is_doubted_is_doubted_as_much():
     own = monitor.opened(taken._replace(sigma_tilt_rad=0.02, sigma_heading_rad=0.1))
     assert own.sigma_tilt_rad == pytest.approx(math.hypot(0.5, 0.02))
     assert own.sigma_heading_rad == pytest.approx(math.hypot(0.75, 0.1))
+
+
+def scaled_gyro(drive, factor):
+    """The same flight with rates times a factor from the fault on."""
+
+    def change(i, sample):
+        if i < 100.0 * FAULT_S:
+            return sample
+        return sample._replace(w_b=tuple(factor * rate for rate in sample.w_b))
+
+    return with_samples(drive, change)
+
+
+@pytest.mark.parametrize("others_agree", [False, True])
+def test_a_gyro_of_another_scale_is_named_and_no_receiver_refused(others_agree):
+    told, bad = set(), False
+    for t_s, _, _, monitor in flown(scaled_gyro(flight(), 1.5)):
+        monitor.use_agreed(gyro=others_agree, accelerometer=False)
+        alarms = monitor.alarms(round(1e6 * t_s))
+        scale = [alarm for alarm in alarms if alarm.kind is Kind.GYRO_SCALE]
+        told |= {(alarm.sensor, alarm.text) for alarm in scale}
+        bad |= monitor.sensor_is_bad
+        assert not (scale and monitor.velocity_is_false)
+        assert monitor.rate_factor == 1.0 or not others_agree
+    assert bool(told) == bad == (not others_agree)

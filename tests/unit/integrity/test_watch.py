@@ -72,3 +72,31 @@ def test_the_compiled_kernels_say_and_remember_the_same(monkeypatch: pytest.Monk
     checked, followed, _ = compiled
     assert {0, FIELD_FROZEN, GYRO_FROZEN | FORCE_FROZEN, 2 * STUCK_AXIS} <= set(checked)
     assert functools.reduce(operator.or_, followed) == BEGUN | KEPT | ROW | THIN_ROW | DUE
+
+
+@pytest.mark.parametrize(("is_told", "accused"), [(False, True), (True, False)])
+def test_values_of_another_message_repeat_as_they_do_there(is_told, accused):
+    """In floats nothing repeats itself; in counts most values of a hover are those before."""
+    rng, watch, bits = random.Random(3), Watch(), 0
+    for i in range(6000):
+        w = [rng.gauss(level, 0.003) for level in (0.0, 0.0, 0.35)]
+        f = [rng.gauss(level, 0.002) for level in (0.0, 0.0, -9.804)]
+        if i == 3000 and is_told:
+            watch.forget_values()
+        if i >= 3000:
+            w, f = [round(1e3 * x) * 1e-3 for x in w], [round(x / UNIT) * UNIT for x in f]
+        bits |= watch.check(ImuSample(10_000 * i, tuple(w), tuple(f), None, False))
+    assert bool(bits & FORCE_FROZEN) == accused
+    assert not bits & GYRO_FROZEN
+
+
+def test_a_sensor_that_freezes_after_a_change_of_message_is_frozen():
+    rng, watch = random.Random(3), Watch()
+    for i in range(6000):
+        if i == 3000:
+            watch.forget_values()
+        if i < 5000:
+            w = tuple(round(rng.gauss(0.2, 0.05), 3) for _ in range(3))
+        f = tuple(round(rng.gauss(level, 0.3), 2) for level in (0.0, 0.0, -9.8))
+        bits = watch.check(ImuSample(10_000 * i, w, f, None, False))
+        assert bits == (GYRO_FROZEN if i > 5050 else 0) or 5000 <= i <= 5050

@@ -83,6 +83,7 @@ class FakeMonitor:
         self.field_is_frozen = self.sensor_is_bad = self.force_is_withheld = False
         self.attitude_is_lost = self.velocity_is_false = False
         self.force_error, self.use, self.doubt, self.found = None, Use.ALL, None, ()
+        self.rate_factor, self.misturned_rad = 1.0, 0.0
 
     def anew(self):
         self.calls.append(("anew",))
@@ -689,6 +690,36 @@ def test_a_reading_of_another_imu_is_not_its_own(monkeypatch):
     assert lane.take(Incoming(0, highres, reading), Need.SAMPLE) is NOT_ITS_OWN
     assert lane.take(Incoming(0, highres, reading), Need.FIELD) is NO_STEP
     assert lane.take(Incoming(0, highres, reading._replace(imu=1)), Need.SAMPLE).sample is not None
+
+
+@pytest.mark.parametrize(("wrong_rad", "tilt_rad"), [(0.1, 0.1), (1.5, math.radians(15.0))])
+def test_rates_of_another_scale_are_multiplied_and_their_turns_doubted(bench, wrong_rad, tilt_rad):
+    bench.run()
+    bench.monitor.rate_factor, bench.monitor.misturned_rad = 0.8, wrong_rad
+    bench.run(2)
+    *_, before, one, other = bench.filter.named("update")
+    assert before.w_b == RATE
+    assert one.w_b == other.w_b == pytest.approx([0.8 * x for x in RATE])
+    (doubt,) = bench.filter.named("doubt")
+    assert doubt == SensorDoubt(tilt_rad=pytest.approx(tilt_rad), heading_rad=wrong_rad)
+    bench.monitor.rate_factor = 1.0
+    bench.run(1)
+    assert bench.filter.named("update")[-1].w_b == RATE
+
+
+def test_the_monitor_is_told_of_another_message_but_not_of_the_first(monkeypatch):
+    monkeypatch.setattr(lane_module, "Monitor", FakeMonitor)
+    highres, raw = IDS_BY_NAME["HIGHRES_IMU"], IDS_BY_NAME["RAW_IMU"]
+    identity = Identity(1, 1, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR)
+    lane = Lane(LaneMessages(0, (highres, raw)), FakeFilter(), identity, AutopilotSettings(), print)
+    told = []
+    for tick, message_id in enumerate((highres, highres, raw, raw, highres)):
+        time_us = 20_000_000 + TICK_NS // 1000 * tick
+        reading = ImuReading(time_us, RATE, DOWN, FIELD, False)
+        taken = lane.take(Incoming(TICK_NS * tick, message_id, reading), Need.SAMPLE)
+        assert taken.sample is not None
+        told.append(len(lane.monitor.named("change_message")))
+    assert told == [0, 0, 1, 1, 2]
 
 
 @pytest.mark.parametrize(

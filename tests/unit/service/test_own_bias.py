@@ -185,3 +185,22 @@ def test_a_bias_is_used_once_it_is_five_seconds_old(last_s, kept):
     own.take_over(OwnBias(), (0.0, 0.0, 0.0))
     found = own.update(FilterThatKnows((0.0, 0.0, 0.0)), SAMPLE)
     assert found.bias_b[0] == pytest.approx(kept)
+
+
+def test_another_scale_multiplies_the_rates_before_the_bias_and_can_end():
+    own, chosen = OwnBias(), FilterThatKnows()
+    own.learn(0, BIAS)
+    own.correct(
+        SensorCorrection((0.1, 0.0, -0.1), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0, 0.0), 0.1, 0.1)
+    )
+    own.scale(0.8)
+    assert own.differs
+    own.update(chosen, SAMPLE)
+    assert chosen.rates[-1] == pytest.approx((0.8 * 0.5 - 0.1, -0.8 * 0.2, 0.8 * 0.1 + 0.1))
+    own.scale(1.0)
+    assert own.differs  # by the bias
+    alone = OwnBias()
+    alone.scale(0.8)
+    assert alone.differs
+    alone.scale(1.0)
+    assert not alone.differs
