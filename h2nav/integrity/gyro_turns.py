@@ -40,6 +40,7 @@ MIN_ROWS, SHORT_ROWS, MIDDLE_ROWS = 8, 10, 16
 JUDGED_ROWS = 2  # a second
 # Judgements in turn: a scale that has begun within the rows resembles other axes for some of them.
 RAISED = {Kind.GYRO_SCALE: 2, Kind.GYRO_FIELD: 5}
+ENDED = 3  # judgements in turn that show none
 # What a zero and iron may be: a gyro's data sheet, and a magnet of half the field.
 ZERO_SIGMA_RAD_S = 20.0 * DEG
 IRON_SIGMA = 0.5
@@ -126,7 +127,7 @@ class GyroTurns:
         self._rows: deque[_Row] = deque(maxlen=ROWS)
         self._new = 0
         self._has_agreed = self._is_of_earth = False
-        self._suspected, self._times = "", 0
+        self._suspected, self._times, self._without = "", 0, 0
         self._since_us = 0
         self.error: GyroError | None = None
         self.rate_factor = 1.0
@@ -177,10 +178,11 @@ class GyroTurns:
         if found is None:
             found = self._found(rows)
         if found is None:
-            self._times, self.error = 0, None
-            if self.rate_factor != 1.0 and self.turned_rad > SCALE_PATH_RAD:
-                self.rate_factor = 1.0
+            self._times, self._without = 0, self._without + 1
+            if self._without >= ENDED:
+                self.error = None
             return
+        self._without = 0
         if found.kind != self._suspected:
             self._suspected, self._times, self._since_us = found.kind, 0, t_us
         self._times += 1
@@ -200,6 +202,8 @@ class GyroTurns:
         changed, misfit = math.sqrt(changed / values), math.sqrt(square / values)
         self._has_agreed |= changed > AGREED * misfit and changed > AGREED * MIN_NOISE
         if misfit < SUSPICIOUS or path_rad < SEEN_RAD:
+            if path_rad > SCALE_PATH_RAD:
+                self.rate_factor = 1.0
             return None
         is_gross = misfit > GROSS * changed and path_rad > SCALE_PATH_RAD
         if is_gross and self._is_of_earth and len(rows) <= SHORT_ROWS:
