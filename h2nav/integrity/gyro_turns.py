@@ -67,12 +67,12 @@ MISFIT, AXES_ROWS, AXES_MISFIT = 2.2, 16, 0.03
 AXES_SIGMA, TURNED, ROTATION_STEPS = 0.35, 1.7, 12
 # A vehicle that turns by less in 20 s shows nothing any more.
 SEEN_RAD = 1.0
-# Rows that show that a gyro is sound again.
-SOUND_ROWS = 3
+# Logarithm of the odds from which on the newest rows show that a gyro is sound again.
+SURE = 12.0
 # A scale is taken anew if it differs by this much.
 RESCALED = 0.02
 # A factor from which on it is named as one, not as a share.
-FACTOR, MAX_FACTOR, FAR_TOO_LARGE = 2.0, 1000.0, "gyro's rates are far too large"
+FACTOR, MAX_FACTOR, FAR_TOO_LARGE = 5.0, 1000.0, "gyro's rates are far too large"
 # In calm flight iron as large as the field would hide its turns: so many times as large they are
 # the gyro's own, if the field has the norm of the earth's.
 GROSS = 8.0
@@ -82,7 +82,7 @@ PRIORS = {
     "sound": (*NOISE_PRIORS, 0.0, *9 * (0.0,)),
     "scale": (*NOISE_PRIORS, 1.0, *9 * (0.0,)),
     "axes": (*NOISE_PRIORS, 0.0, *9 * (2.0,)),
-    "turned": NOISE_PRIORS,
+    "known": NOISE_PRIORS,
 }
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -130,6 +130,7 @@ class GyroTurns:
         self._suspected, self._times, self._without = "", 0, 0
         self._since_us = 0
         self.error: GyroError | None = None
+        self._raised: GyroError | None = None  # the latest one, until the gyro is sound again
         self.rate_factor = 1.0
 
     @property
@@ -159,13 +160,15 @@ class GyroTurns:
         left = (share * u, share * v, share * w)
         self._rows.append(_Row(values, share, left, square, changed))
         self._new += 1
-        if self.error is not None and self._is_sound_again(self.error):
-            self._rows.clear()
-            self.error, self.rate_factor = None, 1.0
-            return True
         if self._new < JUDGED_ROWS or len(self._rows) < MIN_ROWS:
             return False
         self._new = 0
+        newest = list(self._rows)[-MIDDLE_ROWS:]
+        if self._raised is not None and _is_sound(newest, self._raised):
+            self._rows = deque(newest, ROWS)
+            self.error = self._raised = None
+            self.rate_factor = 1.0
+            return True
         was_fine = self.error is None
         self._judge(round(memory.t_us))
         return not was_fine or self.error is not None
@@ -187,7 +190,7 @@ class GyroTurns:
             self._suspected, self._times, self._since_us = found.kind, 0, t_us
         self._times += 1
         if self._times >= RAISED[found.kind]:
-            self.error = found
+            self.error = self._raised = found
             if abs(found.rate_factor - self.rate_factor) > RESCALED:
                 self.rate_factor = found.rate_factor
 
@@ -202,25 +205,11 @@ class GyroTurns:
         changed, misfit = math.sqrt(changed / values), math.sqrt(square / values)
         self._has_agreed |= changed > AGREED * misfit and changed > AGREED * MIN_NOISE
         if misfit < SUSPICIOUS or path_rad < SEEN_RAD:
-            if path_rad > SCALE_PATH_RAD:
-                self.rate_factor = 1.0
             return None
         is_gross = misfit > GROSS * changed and path_rad > SCALE_PATH_RAD
         if is_gross and self._is_of_earth and len(rows) <= SHORT_ROWS:
             return _far_too_large(changed, misfit)
         return _compared(rows, path_rad, changed, has_agreed=self._has_agreed)
-
-    def _is_sound_again(self, error: GyroError) -> bool:
-        """Whether the newest rows fit a sound gyro, and not that error."""
-        sound = wrong = 0.0
-        for row in list(self._rows)[-SOUND_ROWS:]:
-            columns = _columns(row)
-            for i, value in enumerate(row.left):
-                by_all = [x * column[i] for x, column in zip(error.unknowns, columns, strict=True)]
-                left = value - sum(by_all[:SCALE])
-                sound += left * left
-                wrong += (left - sum(by_all[SCALE:])) ** 2
-        return wrong > 3.0 * SOUND_ROWS * (3.0 * error.noise) ** 2 and sound < 0.25 * wrong
 
     def alarms(self, imu: Sensor, t_us: int) -> list[Alarm]:
         """The alarm of its error, if there is one."""
@@ -262,14 +251,7 @@ def _compared(
     """The error by which a gyro differs from the field; None if it may be sound."""
     if not _is_steady([row.share for row in rows]):
         return None
-    left = list(chain.from_iterable(row.left for row in rows))
-    columns = [
-        list(chain.from_iterable(of_rows)) for of_rows in zip(*map(_columns, rows), strict=True)
-    ]
-    if len(left) % 2:
-        # The model's values come in pairs.
-        for values in (left, *columns):
-            values.append(0.0)
+    left, columns = _equations(rows)
     model = LinearModel([1.0] * (len(left) // 2), left, columns, (0.0, 1.0))
     scale = _fitted(model, "scale", len(left))
     axes = _fitted(model, "axes", len(left)) if has_agreed else scale
@@ -314,12 +296,41 @@ def _turned(
     turn = _nearest_rotation([float(i % 4 == 0) + x for i, x in enumerate(axes)])
     if turn is None:
         return math.inf
+    known = [0.0, *(x - float(i % 4 == 0) for i, x in enumerate(turn))]
+    return _without(left, columns, known)
+
+
+def _is_sound(rows: Sequence[_Row], error: GyroError) -> bool:
+    """Whether rows fit a sound gyro, and not that error."""
+    left, columns = _equations(rows)
+    sound = _without(left, columns, ()) ** 2
+    wrong = _without(left, columns, error.unknowns[SCALE:]) ** 2
+    return 0.5 * len(left) * (wrong / sound - 1.0) > SURE
+
+
+def _without(
+    left: Sequence[float], columns: Sequence[Sequence[float]], known: Sequence[float]
+) -> float:
+    """The noise that zero and iron leave with these values of the other unknowns."""
     rest = list(left)
-    for i, (x, column) in enumerate(zip(turn, columns[SCALE + 1 :], strict=True)):
-        change = x - float(i % 4 == 0)
-        rest = [value - change * by for value, by in zip(rest, column, strict=True)]
+    for x, column in zip(known, columns[SCALE:], strict=False):
+        if x != 0.0:
+            rest = [value - x * by for value, by in zip(rest, column, strict=True)]
     model = LinearModel([1.0] * (len(rest) // 2), rest, columns[:SCALE], (0.0, 1.0))
-    return _fitted(model, "turned", len(rest)).noise
+    return _fitted(model, "known", len(rest)).noise
+
+
+def _equations(rows: Sequence[_Row]) -> tuple[list[float], list[list[float]]]:
+    """What is left of all changes, and what each unknown adds to them."""
+    left = list(chain.from_iterable(row.left for row in rows))
+    columns = [
+        list(chain.from_iterable(of_rows)) for of_rows in zip(*map(_columns, rows), strict=True)
+    ]
+    if len(left) % 2:
+        # The model's values come in pairs.
+        for values in (left, *columns):
+            values.append(0.0)
+    return left, columns
 
 
 def _fitted(model: LinearModel, hypothesis: str, count: int) -> _Fit:
