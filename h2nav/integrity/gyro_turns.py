@@ -76,6 +76,8 @@ FACTOR, MAX_FACTOR, FAR_TOO_LARGE = 5.0, 1000.0, "gyro's rates are far too large
 # In calm flight iron as large as the field would hide its turns: so many times as large they are
 # the gyro's own, if the field has the norm of the earth's.
 GROSS = 8.0
+# Few rows show that such a gyro is sound again: those that miss by less than so much of a change.
+SOUND_ROWS, SOUND = 3, 2.0
 SCALE = 6  # place of the unknown behind zero and iron; other axes follow
 NOISE_PRIORS = (ZERO_SIGMA_RAD_S,) * 3 + (IRON_SIGMA,) * 3
 PRIORS = {
@@ -159,19 +161,28 @@ class GyroTurns:
         )
         left = (share * u, share * v, share * w)
         self._rows.append(_Row(values, share, left, square, changed))
+        if self.error is not None and self.error.text is FAR_TOO_LARGE:
+            newest = list(self._rows)[-SOUND_ROWS:]
+            if sum(row.square for row in newest) < SOUND**2 * sum(row.changed for row in newest):
+                self._end(newest)
+                return True
         self._new += 1
         if self._new < JUDGED_ROWS or len(self._rows) < MIN_ROWS:
             return False
         self._new = 0
         newest = list(self._rows)[-MIDDLE_ROWS:]
         if self._raised is not None and _is_sound(newest, self._raised):
-            self._rows = deque(newest, ROWS)
-            self.error = self._raised = None
-            self.rate_factor = 1.0
+            self._end(newest)
             return True
         was_fine = self.error is None
         self._judge(round(memory.t_us))
         return not was_fine or self.error is not None
+
+    def _end(self, newest: Sequence[_Row]) -> None:
+        """Ends an error that the newest rows do not show."""
+        self._rows = deque(newest, ROWS)
+        self.error = self._raised = None
+        self.rate_factor, self._times = 1.0, 0
 
     def _judge(self, t_us: int) -> None:
         rows = list(self._rows)

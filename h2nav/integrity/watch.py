@@ -6,12 +6,31 @@ from h2nav.attitude.record import in_c
 from h2nav.attitude.samples import ImuSample, Vec3
 from h2nav.integrity.kernel.checks import check
 from h2nav.integrity.kernel.memory import Gains, Memory, Sample
-from h2nav.integrity.kernel.repeats import AXES, COMPASS, place
+from h2nav.integrity.kernel.repeats import (
+    AXES,
+    COMPASS,
+    GYRO,
+    IMU,
+    LOUD_COUNTS,
+    OF_COMPASS,
+    OF_SENSOR,
+    place,
+)
+from h2nav.integrity.kernel.standstill import FORCE_COUNT_M_S2, GYRO_COUNT_RAD_S
 from h2nav.integrity.kernel.windows import follow
 
 _NO_FIELD: Vec3 = (0.0, 0.0, 0.0)
 # Where the checks keep how often each channel repeats its values at rest.
 _AT_REST = (*range(AXES), *(place(channel, 0.0, 0.0) for channel in range(AXES, COMPASS)))
+
+
+def experiences(channel: int) -> range:
+    """Where the checks keep what they know of a channel."""
+    if channel < AXES:
+        return range(channel, channel + 1)
+    if channel == COMPASS:
+        return range(OF_COMPASS, OF_COMPASS + 2)
+    return range(place(channel, 0.0, 0.0), place(channel, 0.0, 0.0) + OF_SENSOR)
 
 
 class Watch:
@@ -46,13 +65,27 @@ class Watch:
             memory.seen[at] = memory.longest[at] = memory.runs[at] = 0.0
 
     def forget_values(self) -> None:
-        """Forgets the resolution of the values and how often they repeat: others follow."""
+        """Forgets how often values repeat: they come in another message.
+
+        What is known of a sensor that moves by counts from sample to sample, in the coarsest
+        message, is so in any.
+        """
         memory = self.memory
         memory.has_begun = 0.0
-        for learnt in (memory.count, memory.usual, memory.still_us, memory.seen, memory.longest):
-            learnt[:] = [0.0] * len(learnt)
-        for run in (memory.runs, memory.run, memory.run_us, memory.run_moved, memory.accused):
-            run[:] = [0.0] * len(run)
+        quiet = [
+            sensor
+            for sensor, count in ((0, GYRO_COUNT_RAD_S), (1, FORCE_COUNT_M_S2))
+            if min(memory.usual[3 * sensor : 3 * sensor + 3]) < LOUD_COUNTS * count
+        ]
+        channels = [COMPASS, *((IMU,) if len(quiet) == 2 else ())]
+        for sensor in quiet:
+            memory.count[sensor] = 0.0
+            channels += [GYRO + sensor, *range(3 * sensor, 3 * sensor + 3)]
+        for channel in channels:
+            for at in experiences(channel):
+                memory.seen[at] = memory.longest[at] = memory.runs[at] = 0.0
+            memory.run[channel] = memory.run_us[channel] = memory.run_moved[channel] = 0.0
+            memory.accused[channel] = 0.0
 
     def check(self, sample: ImuSample) -> int:
         """Takes a sample before the filter does; returns the bits of `kernel.checks.check`."""
