@@ -384,8 +384,11 @@ class Lane:
         )
 
     def _change_message(self, message_id: int) -> None:
-        """Goes on with samples of another message, whose digits are others."""
-        if self._message_id is not None:
+        """Goes on with samples of another message, whose digits are others.
+
+        An IMU that the autopilot has left is judged by all that is known of it: it may be frozen.
+        """
+        if self._message_id is not None and not self.intake.is_left:
             self.monitor.change_message()
         self._message_id = message_id
 

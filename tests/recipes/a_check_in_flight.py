@@ -3,8 +3,8 @@
 CHANGES = {
     "h2nav/integrity/kernel/memory.py": (
         (
-            "STUCK_AXIS = 16\n",
-            "SPINS = 16  # the gyro shows what no vehicle does\nSTUCK_AXIS = 32\n",
+            "STUCK_AXIS = 32\n",
+            "SPINS = 32  # the gyro shows what no vehicle does\nSTUCK_AXIS = 64\n",
         ),
         (
             '    field_frozen: float = real("",',
@@ -14,7 +14,7 @@ CHANGES = {
         ),
     ),
     "h2nav/integrity/kernel/checks.py": (
-        ("import FIELD_FROZEN, Gains,", "import FIELD_FROZEN, SPINS, Gains,"),
+        ("import FIELD_FROZEN, TURN_ROW, Gains,", "import FIELD_FROZEN, SPINS, TURN_ROW, Gains,"),
         (
             "LONGEST_STEP_US = 300e3\n",
             "LONGEST_STEP_US = 300e3\nSPINNING_RAD_S = 30.0\nSPINS_US = 200e3\n",

@@ -6,12 +6,14 @@ import pytest
 from needs import shared_data
 
 from h2nav.attitude.samples import ImuSample
-from h2nav.integrity.kernel.memory import FORCE_FROZEN, GYRO_FROZEN, UNSEEN_TURN
+from h2nav.integrity.kernel.memory import FORCE_FROZEN, GYRO_FROZEN, TURN_ROW, UNSEEN_TURN
 from h2nav.integrity.watch import Watch
 from h2nav.recordings.recording import open_recording
 from h2nav.wire import codec
 from h2nav.wire.frame_scan import FrameScan
 from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES
+
+ACCUSING_NOBODY = UNSEEN_TURN | TURN_ROW
 
 
 @functools.cache
@@ -30,7 +32,7 @@ def samples(name, message):
 def watched(stream: list[ImuSample]) -> list[tuple[float, int]]:
     """Times, s, and bits of all samples that are accused."""
     watch = Watch()
-    checked = [(sample.t_us * 1e-6, watch.check(sample) & ~UNSEEN_TURN) for sample in stream]
+    checked = [(sample.t_us * 1e-6, watch.check(sample) & ~ACCUSING_NOBODY) for sample in stream]
     return [(t_s, bits) for t_s, bits in checked if bits]
 
 

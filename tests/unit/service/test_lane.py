@@ -32,7 +32,7 @@ from h2nav.service.lane import NO_STEP, NOT_ITS_OWN, Lane
 from h2nav.service.sample_clock import TimeVerdict
 from h2nav.service.settings import AutopilotSettings
 from h2nav.service.trust import REFUSALS
-from h2nav.wire.imu import IDS_BY_NAME, ImuReading
+from h2nav.wire.imu import IDS_BY_NAME, IMU_MESSAGES, ImuReading
 
 SCALED2 = IDS_BY_NAME["SCALED_IMU2"]
 RATE, DOWN, FIELD = (0.1, 0.2, 0.3), (0.0, 0.0, -9.81), (21.0, 1.0, 40.0)
@@ -720,6 +720,26 @@ def test_the_monitor_is_told_of_another_message_but_not_of_the_first(monkeypatch
         assert taken.sample is not None
         told.append(len(lane.monitor.named("change_message")))
     assert told == [0, 0, 1, 1, 2]
+
+
+def test_an_imu_that_the_autopilot_has_left_is_judged_by_all_that_is_known_of_it(monkeypatch):
+    monkeypatch.setattr(lane_module, "Monitor", FakeMonitor)
+    highres, raw = IDS_BY_NAME["HIGHRES_IMU"], IDS_BY_NAME["RAW_IMU"]
+    identity = Identity(1, 1, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR)
+    lane = Lane(LaneMessages(0, (highres, raw)), FakeFilter(), identity, AutopilotSettings(), print)
+    for tick in range(60):
+        other = RATE if tick < 30 else ZERO
+        for message_id, rate in ((highres, other), (raw, RATE)):
+            t_ns = TICK_NS * 10 * tick
+            need = lane.need(t_ns, message_id)
+            if need is not Need.NONE:
+                unit_us = 1000 if message_id == raw and IMU_MESSAGES[raw].time_unit_us > 1 else 1
+                reading = ImuReading(
+                    (20_000_000 + t_ns // 1000) // unit_us, rate, DOWN, FIELD, False
+                )
+                lane.take(Incoming(t_ns, message_id, reading), need)
+    assert lane.intake.is_left
+    assert not lane.monitor.named("change_message")
 
 
 @pytest.mark.parametrize(
