@@ -29,6 +29,7 @@ from h2nav.integrity.likelihood import (
     LinearModel,
     NoiseSearch,
     fit_of_unknown_noise,
+    model_of_one_noise,
 )
 from h2nav.maths.quaternion import Vec3
 from h2nav.maths.units import DEG
@@ -116,6 +117,11 @@ class GyroError(NamedTuple):
     noise: float  # of one component of a change, as a share of the field
     rate_factor: float = 1.0  # by which its rates have to be multiplied; 1: that is not known
 
+    @property
+    def is_gross(self) -> bool:
+        """Whether its rates are so far off that they show nothing."""
+        return self.kind is Kind.GYRO_SCALE and self.rate_factor == 1.0
+
 
 class GyroTurns:
     """Judges one gyro by one compass.
@@ -161,7 +167,7 @@ class GyroTurns:
         )
         left = (share * u, share * v, share * w)
         self._rows.append(_Row(values, share, left, square, changed))
-        if self.error is not None and self.error.text is FAR_TOO_LARGE:
+        if self.error is not None and self.error.is_gross:
             newest = list(self._rows)[-SOUND_ROWS:]
             if sum(row.square for row in newest) < SOUND**2 * sum(row.changed for row in newest):
                 self._end(newest)
@@ -263,18 +269,18 @@ def _compared(
     if not _is_steady([row.share for row in rows]):
         return None
     left, columns = _equations(rows)
-    model = LinearModel([1.0] * (len(left) // 2), left, columns, (0.0, 1.0))
-    scale = _fitted(model, "scale", len(left))
-    axes = _fitted(model, "axes", len(left)) if has_agreed else scale
+    model = model_of_one_noise(left, columns)
+    scale = _fitted(model, "scale")
+    axes = _fitted(model, "axes") if has_agreed else scale
     if path_rad > SCALE_PATH_RAD and scale.noise < min(MAX_NOISE, 1.5 * axes.noise):
         found = _scale_error(scale, path_rad, has_agreed=has_agreed)
         # A zero that moves within some seconds looks like a scale of them.
         if found is not None:
             share = scale.unknowns[SCALE]
-            return found if found.rate_factor == 1.0 or _lasts(left, columns, share) else None
+            return found if found.is_gross or _lasts(left, columns, share) else None
     if not has_agreed or len(rows) < AXES_ROWS or axes.noise > min(MAX_NOISE, changed / ALIVE):
         return None
-    sound = _fitted(model, "sound", len(left))
+    sound = _fitted(model, "sound")
     if sound.noise < max(AXES_MISFIT, MISFIT * axes.noise):
         return None
     variances = axes.found.covariance(range(SCALE + 1, SCALE + 10))
@@ -291,10 +297,8 @@ def _lasts(left: Sequence[float], columns: Sequence[Sequence[float]], share: flo
     if half < 3 * MIN_ROWS:
         return False
     for part in (slice(0, half), slice(half, 2 * half)):
-        model = LinearModel(
-            [1.0] * (half // 2), left[part], [column[part] for column in columns], (0.0, 1.0)
-        )
-        of_half = _fitted(model, "scale", half).unknowns[SCALE]
+        model = model_of_one_noise(left[part], [column[part] for column in columns])
+        of_half = _fitted(model, "scale").unknowns[SCALE]
         if not ALIKE < of_half / share < 1.0 / ALIKE:
             return False
     return True
@@ -327,8 +331,7 @@ def _without(
     for x, column in zip(known, columns[SCALE:], strict=False):
         if x != 0.0:
             rest = [value - x * by for value, by in zip(rest, column, strict=True)]
-    model = LinearModel([1.0] * (len(rest) // 2), rest, columns[:SCALE], (0.0, 1.0))
-    return _fitted(model, "known", len(rest)).noise
+    return _fitted(model_of_one_noise(rest, columns[:SCALE]), "known").noise
 
 
 def _equations(rows: Sequence[_Row]) -> tuple[list[float], list[list[float]]]:
@@ -337,15 +340,11 @@ def _equations(rows: Sequence[_Row]) -> tuple[list[float], list[list[float]]]:
     columns = [
         list(chain.from_iterable(of_rows)) for of_rows in zip(*map(_columns, rows), strict=True)
     ]
-    if len(left) % 2:
-        # The model's values come in pairs.
-        for values in (left, *columns):
-            values.append(0.0)
     return left, columns
 
 
-def _fitted(model: LinearModel, hypothesis: str, count: int) -> _Fit:
-    found, _, noise = fit_of_unknown_noise(model, PRIORS[hypothesis], count, NOISES)
+def _fitted(model: LinearModel, hypothesis: str) -> _Fit:
+    found, _, noise = fit_of_unknown_noise(model, PRIORS[hypothesis], NOISES)
     return _Fit(noise, found, found.unknowns())
 
 

@@ -79,6 +79,11 @@ class LinearModel:
         # logarithm of the likelihood without unknowns, up to a constant
         self.level = 2.0 * sum(math.log(scale) for scale, _ in factors) - 0.5 * self.square
 
+    @property
+    def values(self) -> int:
+        """How many residuals there are."""
+        return 2 * self._rows
+
     def fit(self, sigmas: Sequence[float]) -> HypothesisFit:
         """Integrates the unknowns out, given their prior deviations.
 
@@ -126,6 +131,14 @@ class LinearModel:
         return found
 
 
+def model_of_one_noise(left: Sequence[float], columns: Sequence[Sequence[float]]) -> LinearModel:
+    """The model of values of any number that all have the same noise, of deviation 1."""
+    # Its values come in pairs.
+    missing = [0.0] * (len(left) % 2)
+    wide = [[*values, *missing] for values in (left, *columns)]
+    return LinearModel([1.0] * (len(wide[0]) // 2), wide[0], wide[1:], (0.0, 1.0))
+
+
 class NoiseSearch(NamedTuple):
     """How the noise of rows is found."""
 
@@ -135,7 +148,7 @@ class NoiseSearch(NamedTuple):
 
 
 def fit_of_unknown_noise(
-    model: LinearModel, sigmas: Sequence[float], count: int, search: NoiseSearch
+    model: LinearModel, sigmas: Sequence[float], search: NoiseSearch
 ) -> tuple[HypothesisFit, float, float]:
     """Fits unknowns to values whose noise, of deviation 1 in the model, is what they leave.
 
@@ -146,7 +159,8 @@ def fit_of_unknown_noise(
     for _ in range(search.fits):
         noise = left
         fit = model.fit([sigma / noise for sigma in sigmas])
-        left = max(math.sqrt(max(model.square - fit.explained, 0.0) / count), search.least)
+        rest = max(model.square - fit.explained, 0.0)
+        left = max(math.sqrt(rest / model.values), search.least)
     return fit, noise, left
 
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from h2nav.integrity.likelihood import LinearModel, NoiseSearch, fit_of_unknown_noise
+from h2nav.integrity.likelihood import NoiseSearch, fit_of_unknown_noise, model_of_one_noise
 from h2nav.integrity.sensor_pairs import VOTING_WINDOW_S
 from h2nav.maths.quaternion import IDENTITY, Quat, Vec3, conjugate, multiply, rotate, turned
 from h2nav.maths.units import DEG
@@ -131,12 +131,8 @@ def _judged(rows: Sequence[_Row]) -> tuple[int, float] | None:
     left = [
         x - EXPECTED_SHARE * d for row in rows for x, d in zip(row.left, row.by_second, strict=True)
     ]
-    if len(left) % 2:
-        # The model's values come in pairs.
-        for values in (left, *columns):
-            values.append(0.0)
-    model = LinearModel([1.0] * (len(left) // 2), left, columns, (0.0, 1.0))
-    fit, noise, sigma = fit_of_unknown_noise(model, PRIOR_SIGMAS, len(left), NOISES)
+    model = model_of_one_noise(left, columns)
+    fit, noise, sigma = fit_of_unknown_noise(model, PRIOR_SIGMAS, NOISES)
     if sigma > MAX_SIGMA:
         return None
     share = EXPECTED_SHARE + fit.unknowns()[0]

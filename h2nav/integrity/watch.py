@@ -24,7 +24,7 @@ _NO_FIELD: Vec3 = (0.0, 0.0, 0.0)
 _AT_REST = (*range(AXES), *(place(channel, 0.0, 0.0) for channel in range(AXES, COMPASS)))
 
 
-def experiences(channel: int) -> range:
+def _experiences(channel: int) -> range:
     """Where the checks keep what they know of a channel."""
     if channel < AXES:
         return range(channel, channel + 1)
@@ -79,10 +79,10 @@ class Watch:
         ]
         channels = [COMPASS, *((IMU,) if len(quiet) == 2 else ())]
         for sensor in quiet:
-            memory.count[sensor] = 0.0
+            memory.count[sensor] = memory.still_us[sensor] = 0.0
             channels += [GYRO + sensor, *range(3 * sensor, 3 * sensor + 3)]
         for channel in channels:
-            for at in experiences(channel):
+            for at in _experiences(channel):
                 memory.seen[at] = memory.longest[at] = memory.runs[at] = 0.0
             memory.run[channel] = memory.run_us[channel] = memory.run_moved[channel] = 0.0
             memory.accused[channel] = 0.0

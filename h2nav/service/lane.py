@@ -50,9 +50,9 @@ CALM_RATIO = 0.5
 FIXED_WING_SPEEDS = Speeds(30.0)
 OTHER_SPEEDS = Speeds(15.0)
 NO_FORCE: Vec3 = (0.0, 0.0, 0.0)
-# Members of enumerations cost a look-up each: these are asked for at every sample.
 # More than a tilt is off by a wrong scale: gravity holds it.
-MAX_TILT_RAD = 15.0 * DEG
+MAX_MISTURNED_TILT_RAD = 15.0 * DEG
+# Members of enumerations cost a look-up each: these are asked for at every sample.
 ALL, NONE, NEXT, SAMPLE = Use.ALL, Use.NONE, TimeVerdict.NEXT, Need.SAMPLE
 # A plain number: `&` of a flag makes a new one.
 REST = int(Trust.REST)
@@ -371,7 +371,7 @@ class Lane:
             self._see_rest(usable, filtered)
         checked = filtered if filtered is None else self._checked(usable, filtered)
         if even is not usable and checked is not None:
-            checked = _at_its_end(checked, usable)
+            checked = _at_its_end(checked, usable, bias.rate_factor)
         self._filtered = checked
         return tuple.__new__(Step, (usable, self._filtered, event, is_accused))
 
@@ -380,7 +380,7 @@ class Lane:
         self._bias.scale(self.monitor.rate_factor)
         wrong_rad = self.monitor.misturned_rad
         self._filter.doubt(
-            SensorDoubt(tilt_rad=min(wrong_rad, MAX_TILT_RAD), heading_rad=wrong_rad)
+            SensorDoubt(tilt_rad=min(wrong_rad, MAX_MISTURNED_TILT_RAD), heading_rad=wrong_rad)
         )
 
     def _change_message(self, message_id: int) -> None:
@@ -578,7 +578,7 @@ def _usable(sample: ImuSample, use: Use, *, is_at_end: bool, has_field: bool) ->
     return sample if has_field else sample._replace(m_b_ut=None)
 
 
-def _at_its_end(estimate: AttitudeEstimate, sample: ImuSample) -> AttitudeEstimate:
+def _at_its_end(estimate: AttitudeEstimate, sample: ImuSample, factor: float) -> AttitudeEstimate:
     """The estimate with the rate at the end of an uneven step, instead of that over the step."""
     (x, y, z), (u, v, w) = sample.w_b, estimate.bias_b
-    return estimate._replace(w_b=(x - u, y - v, z - w))
+    return estimate._replace(w_b=(factor * x - u, factor * y - v, factor * z - w))

@@ -694,7 +694,7 @@ def test_a_reading_of_another_imu_is_not_its_own(monkeypatch):
 
 @pytest.mark.parametrize(("wrong_rad", "tilt_rad"), [(0.1, 0.1), (1.5, math.radians(15.0))])
 def test_rates_of_another_scale_are_multiplied_and_their_turns_doubted(bench, wrong_rad, tilt_rad):
-    bench.run()
+    bench.run(300)
     bench.monitor.rate_factor, bench.monitor.misturned_rad = 0.8, wrong_rad
     bench.run(2)
     *_, before, one, other = bench.filter.named("update")
@@ -702,6 +702,8 @@ def test_rates_of_another_scale_are_multiplied_and_their_turns_doubted(bench, wr
     assert one.w_b == other.w_b == pytest.approx([0.8 * x for x in RATE])
     (doubt,) = bench.filter.named("doubt")
     assert doubt == SensorDoubt(tilt_rad=pytest.approx(tilt_rad), heading_rad=wrong_rad)
+    step = bench.take(ticks=2)  # an uneven one has the rate at its end
+    assert step.filtered.w_b == pytest.approx([0.8 * x for x in RATE])
     bench.monitor.rate_factor = 1.0
     bench.run(1)
     assert bench.filter.named("update")[-1].w_b == RATE
