@@ -68,6 +68,7 @@ class VelocityFix(NamedTuple):
     removed_s: float = 0.0  # delay that was found, and is no longer in its time
     removed_sigma_s: float = 0.0  # deviation of the delay that was found; 0: not known
     altitude_m: float = math.nan  # of the same place, above mean sea level; NaN if not measured
+    is_denied: bool = False  # the places of the same receiver move otherwise
 
     def backward(self) -> "VelocityFix":
         """The opposite velocity."""

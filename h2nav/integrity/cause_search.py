@@ -81,6 +81,7 @@ class Situation(NamedTuple):
         field_holds: a field corrected the heading just now.
         on_ground: the vehicle stands.
         unsettled_us: from when to when the tilt was last not settled.
+        is_denied: the velocity, by the places of the same receiver.
     """
 
     t_us: int
@@ -93,6 +94,7 @@ class Situation(NamedTuple):
     field_holds: bool
     on_ground: bool
     unsettled_us: tuple[int, int]
+    is_denied: bool
 
 
 class CauseSearch:
@@ -123,6 +125,8 @@ class CauseSearch:
         self._carried_us = 0  # when the attitude was last set back to that by the gyro
         # when it last may have drifted by more than is harmless
         self._drifted_us: int | None = None
+        # when the receiver's places last denied the velocity
+        self._denied_us: int | None = None
 
     def restart(self) -> None:
         """Restarts with the strapdown, or with other velocities."""
@@ -161,6 +165,11 @@ class CauseSearch:
     def velocity_is_known_false(self) -> bool:
         """Whether that is decided, and not only probable."""
         return self._refusal.shown is not None
+
+    @property
+    def velocity_is_denied(self) -> bool:
+        """Whether the receiver's own places have denied a velocity that still counts."""
+        return self._is_denied(self._rows)
 
     def may_be_bent(self, now_us: int | None) -> bool:
         """Whether the attitude may follow a false velocity, or a sensor of ours that is wrong."""
@@ -234,6 +243,8 @@ class CauseSearch:
         """
         rows, known = self._rows, None
         self._shakes = seen.vibration_m_s2 > RECTIFIED_M_S2
+        if seen.is_denied:
+            self._denied_us = seen.t_us
         if rows.take(mark, seen.errors):
             known = self._known(mark, seen, rows)
         self._follow_slowly(mark, seen)
@@ -282,7 +293,14 @@ class CauseSearch:
             rows.usual_m_s2,
             self._rows.shifts,
             1e-6 * seen.period_us,
+            is_denied=self._denied_us is not None and self._is_denied(rows),
         )
+
+    def _is_denied(self, rows: VelocityRows) -> bool:
+        """Whether a velocity of a window was denied by the places of the same receiver."""
+        begun = rows.rows[0].begun if rows.rows else None
+        denied_us = self._denied_us
+        return begun is not None and denied_us is not None and begun.moment.t_us < denied_us
 
     def _follow_slowly(self, mark: Mark, seen: Situation) -> None:
         """Looks for a slow drift, with a tilt that has been settled for the whole window."""
@@ -303,7 +321,7 @@ class CauseSearch:
         if not found.is_suspicious:
             self.forget()
             return None, False
-        is_back = self._refusal.comes_back(t_us, found)
+        is_back = not self._is_denied(rows) and self._refusal.comes_back(t_us, found)
         self._decide(seen, found, rows, is_back=is_back)
         self._withhold(t_us, found, is_back=is_back)
         correction = None if self.velocity_is_false else self._correct(seen, found, known, rows)
@@ -365,12 +383,15 @@ class CauseSearch:
         """
         shown = self.contradiction.shown(Cause.VELOCITY)
         if not self.velocity_is_false:
-            # Only a field can confirm the gyro.
+            # Only a field can confirm the gyro, and the receiver's own places deny it.
             is_held = seen.ratios.of_turn < OPEN_RATIO and seen.field_holds
+            is_held |= self.velocity_is_denied
             if found and is_held and self._is_contradicted_by_velocity(seen, found):
                 self._refusal.begin(seen.t_us, found, shown)
             return
-        if self._refusal.hear(seen.t_us, seen.long, seen.ratios, found, shown):
+        if seen.is_denied:
+            self._refusal.deny(seen.t_us)
+        elif self._refusal.hear(seen.t_us, seen.long, seen.ratios, found, shown):
             self.contradiction.clear(Cause.VELOCITY)
 
     def _is_contradicted_by_velocity(self, seen: Situation, found: Explained) -> bool:
@@ -379,6 +400,8 @@ class CauseSearch:
         # What an earlier window decided counts while this one, which has seen more, agrees.
         if since_us is None or found.likeliest is not Cause.VELOCITY:
             return False
+        if self.velocity_is_denied:
+            return True
         has_jumped = found.has_jumped and found.decided is Cause.VELOCITY
         if t_us - since_us < BLAME_US and not has_jumped:
             return False

@@ -66,6 +66,8 @@ SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blo
 # A blow that samples miss touches one or two of them. In the density of their noise, a mean over
 # 2 s, it leaves a 36th of the square of its change of velocity, 1/s, or more. Asked is half of it.
 BLOW_DENSITY = 1.0 / 72.0
+# With this noise the force, rows of a velocity show nothing.
+UNUSED_DENSITY = 1e6
 # A larger heading error is not a small angle.
 KNOWN_HEADING_RAD = 10.0 * DEG
 # Odds for a decision, and for the existence of a cause: one error in a thousand.
@@ -335,6 +337,8 @@ class _Comparison:
         # No hypothesis with these noises explains more than everything.
         if 0.5 * (model.square - none.explained) < math.log(SUSPECTED):
             return NOTHING
+        if self._known.is_denied:
+            return self._of_denied(none)
         # An error older than the window has also bent the attitude.
         bent = _failed(sound, TILT, 2, FAILED_TILT_RAD)
         variants = self._from_before(none, bent)
@@ -367,6 +371,19 @@ class _Comparison:
         if self._is_any_heading(variants):
             odds[Cause.HEADING] = max(odds[Cause.HEADING], odds[Cause.VELOCITY])
         return self._decided(none.likelihood + self._by_step(odds, variants), odds, variants)
+
+    def _of_denied(self, none: HypothesisFit) -> Explained:
+        """A velocity that the receiver's own places deny: it may do anything, and shows nothing."""
+        count = 2 * len(self._rows)
+        odds = 0.5 * (self._model.square - none.explained - count)
+        found = Explained(max(odds, 0.0), ((Cause.VELOCITY, 1.0),))
+        if not found.is_contradiction:
+            return found
+        return found._replace(carried=self._correction([self._unused()]))
+
+    def _unused(self) -> _Variant:
+        """A velocity that may do anything: what was known when the window began is all there is."""
+        return _Variant(Cause.VELOCITY, self._window.with_noise(UNUSED_DENSITY).fit(self._sound))
 
     def _hidden(self, variants: Sequence[_Variant]) -> float:
         """How likely what a shaken force hides, from every IMU, looks like a false velocity.
@@ -472,7 +489,9 @@ class _Comparison:
             return found
         if found.is_force_or_velocity:
             mine = [one for one in variants if one.cause is Cause.VELOCITY]
-            found = found._replace(carried=self._correction(mine))
+            # One that is neither a jump nor a drift shows nothing of the attitude.
+            carried = self._correction(mine if found.is_seen else [self._unused()])
+            found = found._replace(carried=carried)
         wrong = found.probable
         if wrong is None:
             return found

@@ -3,26 +3,25 @@
 What a receiver says of its signals counts at once. A false velocity, found by the force
 (`h2nav.integrity.monitor`), is a receiver's error while the position does not follow it; where both
 move alike and the receiver claims to be accurate, its signals are false. So they may be where
-the receiver's time jumps. Two receivers that differ accuse nobody by themselves.
+the receiver's time jumps. Two receivers that differ accuse nobody by themselves. A velocity that
+the same receiver repeats, or that its own places deny, is its error.
 """
 
 import math
-from itertools import pairwise
 from typing import NamedTuple
 
 from h2nav.attitude.samples import VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.gnss_clock import ClockWatch
 from h2nav.integrity.gnss_signals import SignalLevels, SignalWatch
-from h2nav.maths.units import EARTH_RADIUS_M
+from h2nav.integrity.receiver_track import ReceiverFix, ReceiverTrack, from_place
 
 # States of MAVLink's GPS_JAMMING_STATE and GPS_SPOOFING_STATE, and of PX4's sensor_gps.
 MITIGATED, DETECTED = 2, 3
 # A state, a fix, a judgement of the velocity that is not repeated counts for this long.
 STALE_US = 10_000_000
 FRESH_US = 1_000_000
-# The position is compared with the velocity over this.
-LENGTH_US = 5_000_000
+# The position is compared with the velocity over at least this.
 MIN_COMPARED_US = 2_500_000
 # They agree within this, and within a share of the way: velocities of 1 Hz miss corners.
 FOLLOWS_M = 3.0
@@ -33,6 +32,8 @@ CLAIMED_M_S = 1.5
 APART_M = 30.0
 APART_M_S = 3.0
 APART_S = 5.0
+# Places that deny a velocity are told after this.
+DENIED_S = 2.0
 GPS = Sensor(SensorKind.GPS)
 
 
@@ -44,14 +45,6 @@ class SignalState(NamedTuple):
     spoofing: int  # GPS_SPOOFING_STATE
 
 
-class _Fix(NamedTuple):
-    t_us: int
-    latitude_deg: float
-    longitude_deg: float
-    v_n: tuple[float, float]
-    sigma_m_s: float
-
-
 class GnssVerdict:
     """Takes fixes and states of the receivers of one autopilot; times on its clock."""
 
@@ -61,8 +54,11 @@ class GnssVerdict:
     def restart(self) -> None:
         """Forgets what is known, for another autopilot or another clock."""
         self._states: dict[int, tuple[int, SignalState]] = {}
-        self._fixes: list[_Fix] = []
-        self._other: _Fix | None = None
+        self._track = ReceiverTrack()  # of the receiver in use
+        self._other: ReceiverFix | None = None
+        self._denied_us: int | None = None  # since when its places deny its velocity
+        self._denied_m = 0.0
+        self._was_denied = False  # since the velocity is false
         self._false_us: int | None = None  # since when the velocity is false
         self._spoofed: tuple[int, float, float] | None = None  # since, way and difference, m
         self._apart_us: int | None = None
@@ -93,28 +89,43 @@ class GnssVerdict:
         self._used.count(t_us, satellites)
 
     def fix(
-        self, velocity: VelocityFix, latitude_deg: float, longitude_deg: float, *, is_false: bool
-    ) -> None:
+        self, velocity: VelocityFix, latitude_deg: float, longitude_deg: float
+    ) -> VelocityFix | None:
         """Takes a fix of the receiver in use.
+
+        Returns:
+            Its velocity with what its place says of it; None if it only repeats the one before.
+        """
+        track = self._track
+        self._now_us = velocity.t_us
+        if not track.take(velocity, latitude_deg, longitude_deg):
+            return None
+        self._denied_m = track.denied_m
+        if not self._denied_m:
+            self._denied_us = None
+            return velocity
+        if self._denied_us is None:
+            self._denied_us = velocity.t_us
+        self._was_denied = True
+        return velocity._replace(is_denied=True)
+
+    def judge(self, *, is_false: bool) -> None:
+        """Looks at the latest fix.
 
         Args:
             is_false: the force has shown that its velocity is false.
         """
-        t_us = velocity.t_us
-        fixes = self._fixes
-        if fixes and not 0 < t_us - fixes[-1].t_us < MIN_COMPARED_US:
-            fixes.clear()
-        v_n = (velocity.v_n[0], velocity.v_n[1])
-        fixes.append(_Fix(t_us, latitude_deg, longitude_deg, v_n, velocity.sigma_m_s))
-        while fixes[0].t_us < t_us - LENGTH_US:
-            del fixes[0]
-        self._now_us = t_us
-        self._compare_receivers()
+        if self._other is not None:
+            self._compare_receivers(self._other)
         if not is_false:
             self._false_us = self._spoofed = None
+            self._was_denied = self._denied_us is not None
+            return
+        if self._was_denied:
+            self._spoofed = None  # the receiver contradicts itself, now or before
             return
         if self._false_us is None:
-            self._false_us = t_us
+            self._false_us = self._now_us
         followed = self._followed()
         if followed is not None and self._spoofed is None:
             self._spoofed = self._false_us, *followed
@@ -122,36 +133,30 @@ class GnssVerdict:
     def other_fix(self, velocity: VelocityFix, latitude_deg: float, longitude_deg: float) -> None:
         """Takes a fix of a receiver that is not in use."""
         v_n = (velocity.v_n[0], velocity.v_n[1])
-        self._other = _Fix(velocity.t_us, latitude_deg, longitude_deg, v_n, velocity.sigma_m_s)
+        self._other = ReceiverFix(
+            velocity.t_us, latitude_deg, longitude_deg, v_n, velocity.sigma_m_s
+        )
 
     def _followed(self) -> tuple[float, float] | None:
         """The way by the velocity and what the position differs by, m; None if it does not follow.
 
         A velocity that hardly moves the vehicle shows nothing.
         """
-        fixes = self._fixes
-        first, last = fixes[0], fixes[-1]
+        first, last = self._track.fixes[0], self._track.fixes[-1]
         if last.t_us - first.t_us < MIN_COMPARED_US or last.sigma_m_s > CLAIMED_M_S:
             return None
-        north = east = 0.0
-        for a, b in pairwise(fixes):
-            half_s = 0.5e-6 * (b.t_us - a.t_us)
-            north += half_s * (a.v_n[0] + b.v_n[0])
-            east += half_s * (a.v_n[1] + b.v_n[1])
-        way = math.hypot(north, east)
-        moved_north, moved_east = _from(first, last)
-        differs = math.hypot(moved_north - north, moved_east - east)
+        way, differs = self._track.compared()
         if way < FOLLOWS_M or differs > FOLLOWS_M + FOLLOWS_SHARE * way:
             return None
         return way, differs
 
-    def _compare_receivers(self) -> None:
+    def _compare_receivers(self, other: ReceiverFix) -> None:
         """Tracks how long two receivers have differed."""
-        mine, other = self._fixes[-1], self._other
-        if other is None or abs(mine.t_us - other.t_us) > FRESH_US:
+        mine = self._track.fixes[-1]
+        if abs(mine.t_us - other.t_us) > FRESH_US:
             self._apart_us = None
             return
-        apart = math.hypot(*_from(other, mine)), math.dist(mine.v_n, other.v_n)
+        apart = math.hypot(*from_place(other, mine)), math.dist(mine.v_n, other.v_n)
         scatter = 3.0 * math.hypot(mine.sigma_m_s, other.sigma_m_s)
         if apart[0] < APART_M and apart[1] < APART_M_S + scatter:
             self._apart_us = None
@@ -164,8 +169,8 @@ class GnssVerdict:
         """Forgets what was held against receivers that are heard no more."""
         stale_us = t_us - STALE_US
         self._states = {n: said for n, said in self._states.items() if said[0] > stale_us}
-        if self._fixes and self._fixes[-1].t_us <= stale_us:
-            self._false_us = self._spoofed = self._apart_us = None
+        if self._track.is_older_than(stale_us):
+            self._false_us = self._spoofed = self._apart_us = self._denied_us = None
         for clock in self._clocks.values():
             clock.forget_old(stale_us)
         for watch in self._signals.values():
@@ -174,6 +179,8 @@ class GnssVerdict:
     def alarms(self) -> list[Alarm]:
         """The present verdict."""
         found = [alarm for alarm in (self._jammed(), self._spoofed_signals()) if alarm is not None]
+        if self._denied_us is not None or self._track.is_stuck:
+            found += self._of_itself(self._denied_us)
         if not found and self._apart_us is not None and self._since_s(self._apart_us) >= APART_S:
             found.append(self._receivers_differ(self._apart_us))
         return found
@@ -183,6 +190,8 @@ class GnssVerdict:
 
     def _said(self, name: str) -> tuple[int, int] | None:
         """Number of the receiver that says the most of jamming or spoofing, and what it says."""
+        if not self._states:
+            return None
         said = [
             (state.receiver, getattr(state, name))
             for t_us, state in self._states.values()
@@ -232,7 +241,7 @@ class GnssVerdict:
                 "GNSS may be spoofed",
                 f"the velocity contradicts the force, and the position follows it: {way:.0f} m "
                 f"within {differs:.1f} m, at a stated accuracy of "
-                f"{self._fixes[-1].sigma_m_s:.1f} m/s",
+                f"{self._track.fixes[-1].sigma_m_s:.1f} m/s",
                 since_s=self._since_s(since_us),
             )
         if said is not None:
@@ -240,10 +249,12 @@ class GnssVerdict:
         return self._false_time()
 
     def _false_time(self) -> Alarm | None:
-        jumped = [(number, one) for number, one in self._clocks.items() if one.jump_s != 0.0]
-        if not jumped:
-            return None
-        number, clock = jumped[0]
+        for number, clock in self._clocks.items():
+            if clock.jump_s != 0.0:
+                return self._of_time(number, clock)
+        return None
+
+    def _of_time(self, number: int, clock: ClockWatch) -> Alarm:
         return Alarm(
             Kind.GNSS_SPOOFED,
             GPS,
@@ -255,6 +266,40 @@ class GnssVerdict:
             "autopilot's clock",
             since_s=self._since_s(clock.since_us),
         )
+
+    def _of_itself(self, denied_us: int | None) -> list[Alarm]:
+        """Of a velocity that repeats, or that is not the way of the same receiver's places."""
+        held = self._track.held
+        if held is not None:
+            since_us, count = held
+            held_s = self._since_s(since_us)
+            return [
+                Alarm(
+                    Kind.GPS_FROZEN,
+                    GPS,
+                    Severity.WARNING,
+                    held_s,
+                    "s",
+                    "GPS velocity is frozen and not used",
+                    f"{count} fixes in a row have exactly the same, which none measures twice",
+                    since_s=held_s,
+                )
+            ]
+        if denied_us is None or self._since_s(denied_us) < DENIED_S:
+            return []
+        return [
+            Alarm(
+                Kind.GPS_VELOCITY,
+                GPS,
+                Severity.NOTICE,
+                self._denied_m,
+                "m",
+                "GPS velocity and place differ, undecided",
+                f"by {self._denied_m:.0f} m in 3 s; the velocity is not used",
+                since_s=self._since_s(denied_us),
+                is_decided=False,
+            )
+        ]
 
     def _receivers_differ(self, since_us: int) -> Alarm:
         distance_m, speed_m_s = self._apart
@@ -280,14 +325,4 @@ def _by_receiver(kind: Kind, what: str, receiver: int, state: int) -> Alarm:
     evidence = f"receiver {receiver + 1} says so itself: {said}"
     return Alarm(
         kind, GPS, severity, float(state), "", text, evidence, is_decided=state == DETECTED
-    )
-
-
-def _from(first: _Fix, last: _Fix) -> tuple[float, float]:
-    """North and east from one fix to another, m."""
-    per_deg = math.radians(EARTH_RADIUS_M)
-    turns = (last.longitude_deg - first.longitude_deg + 180.0) % 360.0 - 180.0
-    return (
-        per_deg * (last.latitude_deg - first.latitude_deg),
-        per_deg * math.cos(math.radians(first.latitude_deg)) * turns,
     )

@@ -265,6 +265,8 @@ class Monitor(TakesInputs):
         """Whether sound sensors show the attitude to be lost; None if nothing shows whether."""
         if self.sensor_is_bad or self.ratios.of_turn > 1.0:
             return False
+        if self._search.velocity_is_denied:
+            return False
         found = shown_by_field(self._field.windows, self._apart_rad)
         if found or not self._of_velocity.is_raised:
             return found
@@ -338,15 +340,15 @@ class Monitor(TakesInputs):
             if shown < CONFIRMED_RAD:
                 self._shown_us = fix.t_us
                 self._field.confirm()
-        doubt, is_corrected = self._search.take(mark, self._situation(fix.t_us, errors))
+        doubt, is_corrected = self._search.take(mark, self._situation(fix, errors))
         if is_corrected:
             self.restart()
         return doubt
 
-    def _situation(self, t_us: int, errors: SensorErrors) -> Situation:
+    def _situation(self, fix: VelocityFix, errors: SensorErrors) -> Situation:
         """What the search of a cause has to know."""
         return Situation(
-            t_us,
+            fix.t_us,
             errors,
             self.ratios,
             self._windows[-1] if self._windows else None,
@@ -356,6 +358,7 @@ class Monitor(TakesInputs):
             field_holds=self._field.holds,
             on_ground=self._on_ground is True,
             unsettled_us=(self._unsettled_from_us, self._unsettled_us),
+            is_denied=fix.is_denied,
         )
 
     def _see_force_size(self, mark: Mark, altitude_m: float) -> None:

@@ -50,6 +50,7 @@ class Known(NamedTuple):
     usual_m_s2: float = math.inf  # horizontal acceleration before the window, rms
     shifts: Sequence[Shift] = ()  # of the force, the latest ones
     period_s: float = 0.01  # of the samples
+    is_denied: bool = False  # the velocity, by the places of the same receiver
 
 
 class VelocityModel:

@@ -78,6 +78,10 @@ class VelocityRefusal:
         self.since_us = self._differed_us = self._failed_us = t_us
         self.shown = shown
 
+    def deny(self, t_us: int) -> None:
+        """Takes that one that is refused still differs, by the receiver's own places."""
+        self._differed_us = self._failed_us = t_us
+
     def hear(
         self,
         t_us: int,

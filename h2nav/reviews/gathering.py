@@ -1,8 +1,9 @@
 """Gathers the findings of a review, from flight and analysis, each once, with ids."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 from h2nav.integrity.findings import Finding, Kind, SensorKind, Severity, next_id
+from h2nav.integrity.kinds import AnyKind
 from h2nav.reviews.analysis import Analysis
 from h2nav.reviews.declared import Trait
 from h2nav.reviews.flight import Flight
@@ -10,19 +11,23 @@ from h2nav.reviews.subjects import KINDS
 
 # Findings of sensors of one kind within this time, and of similar size, are merged.
 SAME_TIME_S, SAME_SHARE = 2.0, 0.25
+# What the checks in flight say, and what the whole log shows better.
+EXPLAINED_BY: Mapping[AnyKind, Sequence[AnyKind]] = {
+    Kind.VELOCITY_LOST: (Kind.GPS_LOST, Kind.GPS_FROZEN),
+    Kind.GPS_FROZEN: (Kind.GPS_FROZEN,),
+    Kind.GPS_VELOCITY: (Kind.GPS_FROZEN,),
+}
 
 
 def all_findings(flight: Flight, analysis: Analysis) -> tuple[Finding, ...]:
-    """All findings, worst first.
-
-    A receiver without a fix is a better explanation for velocities that did not come.
-    """
-    without_fix = [one for one in analysis.findings if one.kind is Kind.GPS_LOST]
+    """All findings, worst first; of a receiver's silence the one that says why."""
     live = [
         analysis.judged.get(one.id, one)
         for one in flight.findings
-        if one.kind is not Kind.VELOCITY_LOST
-        or not any(_overlap(one, other) for other in without_fix)
+        if not any(
+            other.kind in EXPLAINED_BY.get(one.kind, ()) and _overlap(one, other)
+            for other in analysis.findings
+        )
     ]
     both = _valid(_continued([*live, *dict.fromkeys(analysis.findings)]))
     found = identified(merged(both))

@@ -10,6 +10,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from h2nav.integrity.findings import Finding, Kind, Sensor, SensorKind, Severity
+from h2nav.integrity.receiver_track import FROZEN_FIXES, FROZEN_S, MOVING_M_S
 from h2nav.maths.units import DEG, EARTH_RADIUS_M, GRAVITY_M_S2
 from h2nav.recordings.context import NO_ARMING, Array, Context, GpsTrack, ImuTrack
 from h2nav.reviews.inertial import (
@@ -67,9 +68,6 @@ DELAY_PARAMETERS = {
 # EK3_GLITCH_RAD is 25 m; between two fixes of one second a receiver's own noise is below 3 m.
 JUMP_M = 10.0
 LOST_S, SILENT_SHARE = 1.0, 0.5
-# The noise of a receiver, 0.05 m/s, is five times the resolution of its messages: no two fixes of a
-# moving vehicle are equal, except where one is repeated.
-FROZEN_S, FROZEN_FIXES, MOVING_M_S = 2.0, 5, 0.5
 USUAL_SHARE = 0.98
 MIN_SATELLITES = 6
 # EKF3 stops trusting a velocity of lower accuracy (EK3_CHECK_SCALE 100 %).

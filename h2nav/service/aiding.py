@@ -265,15 +265,17 @@ class Aiding:
         """Takes a fix of the receiver."""
         effects = self.on_place(t_ns, fix.place)
         newest_us = self._estimation.heard_t_us
-        velocity = None if newest_us is None else gps_velocity(fix, newest_us)
+        velocity, place = None, fix.place
+        if newest_us is not None:
+            velocity = gps_velocity(fix, newest_us)
         if velocity is not None:
+            velocity = self.gnss.fix(velocity, place.latitude_deg, place.longitude_deg)
+        if velocity is not None and not velocity.is_denied:
             self._witness.fix(velocity, self._estimation.doubt, self._estimation.corrected)
         if self._settings.gps_velocity:
             effects += self._pass_velocity(t_ns, velocity)
         if velocity is not None:
-            is_false = self._estimation.velocity_is_false
-            place = fix.place
-            self.gnss.fix(velocity, place.latitude_deg, place.longitude_deg, is_false=is_false)
+            self.gnss.judge(is_false=self._estimation.velocity_is_false)
         return effects
 
     def on_autopilot_velocity(self, t_ns: int, velocity: EstimatedVelocity) -> list[Effect]:

@@ -445,7 +445,7 @@ class Lane:
                     is_outvoted = InertialSensor.GYRO in self._verdict.wrong
                     self._bias.correct(doubt.correction, is_outvoted=is_outvoted)
                 self._filter.doubt(doubt)
-            if not self.monitor.velocity_is_false:
+            if not (self.monitor.velocity_is_false or fix.is_denied):
                 self._filter.use_velocity(fix)
 
     def use_verdict(self, compass_is_wrong: bool, doubt_rad: float) -> None:

@@ -136,7 +136,7 @@ if __name__ == "__main__":
             sent.insert(0, mavlink.MAVLink_heartbeat_message(*copter, 0, 0, 4, 3))
         if t_ms % 200 == 0:
             place = (470000000, 80000000, 500000)
-            east = (100, 100, 2000, 9000, 12)
+            east = (100, 100, 2000 + t_ms // 200 % 2, 9000, 12)
             sent.append(mavlink.MAVLink_gps_raw_int_message(t_us, 3, *place, *east, 0, 0, 0, 300))
         for frame in Deframer().feed(b"".join(map(pilot.encode, sent))):
             deliver(service, frame, t_ms * 10**6, t_ms * 10**6)

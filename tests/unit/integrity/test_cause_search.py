@@ -87,7 +87,7 @@ class Bench:
             learn=lambda *_: self.learns_force.append(self.t_us), share=0.25
         )
         self.t_us = 100 * S
-        self.seen = Situation(0, ERRORS, LOUD, None, 0, 0.0, 5_000.0, True, False, (0, 0))
+        self.seen = Situation(0, ERRORS, LOUD, None, 0, 0.0, 5_000.0, True, False, (0, 0), False)
 
     def restart(self):
         self.windows_restarted += 1
@@ -284,6 +284,33 @@ def test_without_a_field_another_imu_confirms_the_gyro_that_a_velocity_contradic
     # force and velocity are withheld for half a minute: then it is used again
     bench.take(seconds=29.8, field_holds=False)
     assert not bench.search.accuses_velocity(bench.t_us)
+
+
+def test_a_velocity_that_its_places_deny_is_refused_at_once_without_a_field(bench):
+    bench.take(FALSE, seconds=1.0, field_holds=False)
+    assert not bench.search.velocity_is_false
+    bench.take(FALSE, field_holds=False, is_denied=True)
+    assert bench.search.velocity_is_false
+    assert bench.search.velocity_is_known_false
+
+
+def test_while_a_window_holds_a_velocity_that_was_denied_it_stays_refused(bench):
+    bench.take(FALSE, seconds=2.0, is_denied=True)
+    agreeing = Window(10.0, 0.0, 1.0, 1.0, True)
+    bench.take(FALSE._replace(odds=0.0), seconds=15.0, long=agreeing, is_denied=True)
+    assert bench.search.velocity_is_false
+    assert bench.search.velocity_is_denied
+    bench.take(seconds=9.0, long=agreeing)
+    assert bench.search.velocity_is_false
+    bench.take(seconds=1.4, long=agreeing)
+    assert not bench.search.velocity_is_false
+
+
+def test_a_window_that_begins_behind_what_was_denied_is_explained_as_ever(bench):
+    bench.take(FALSE, is_denied=True)
+    assert bench.search.velocity_is_denied
+    bench.search._rows.moment.t_us = bench.t_us
+    assert not bench.search.velocity_is_denied
 
 
 def test_a_velocity_that_another_cause_outweighs_is_not_refused(bench):

@@ -44,7 +44,13 @@ NAMES = {
 }
 
 
-def explained(change=lambda s: s, velocity_at=lambda t_s, v_n: v_n, seed=7, gives=True):
+def explained(
+    change=lambda s: s,
+    velocity_at=lambda t_s, v_n: v_n,
+    seed=7,
+    gives=True,
+    is_denied=lambda t_s: False,
+):
     """Explanations five times a second from the fault on, alarms, and the filter at the end."""
     drive = with_noise(accelerating(END_S, seed, law=turning), 0.2, seed)
     drive = with_samples(drive, lambda i, s: change(s) if s.t_us >= FAULT_S * 1e6 else s)
@@ -56,17 +62,19 @@ def explained(change=lambda s: s, velocity_at=lambda t_s, v_n: v_n, seed=7, give
     for i, sample in enumerate(drive.flight.samples):
         t_s = sample.t_us * 1e-6
         if i % PERIOD == 0:
-            fix = VelocityFix(sample.t_us, velocity_at(t_s, drive.v_n[i]), 0.3)
+            velocity = velocity_at(t_s, drive.v_n[i])
+            fix = VelocityFix(sample.t_us, velocity, 0.3, is_denied=is_denied(t_s))
             errors = bias.errors(filter_.sensor_errors)
             if marks.take(fix, errors) and rows.take(marks.marks[-1], errors) and t_s > FAULT_S:
-                known = Known(errors, marks.marks[-1].moment, rows.jitter_m_s)
+                moment = marks.marks[-1].moment
+                known = Known(errors, moment, rows.jitter_m_s, is_denied=fix.is_denied)
                 found.append(causes.explain(rows.rows, known))
             doubt = monitor.fix(fix, errors)
             if doubt is not None and gives:
                 if doubt.correction is not None:
                     bias.correct(doubt.correction)
                 filter_.doubt(doubt)
-            if not monitor.velocity_is_false:
+            if not (monitor.velocity_is_false or fix.is_denied):
                 filter_.use_velocity(fix)
             alarms += monitor.alarms(sample.t_us)
         monitor.check(sample)
@@ -117,6 +125,26 @@ def test_a_cause_is_seen_and_no_other_one_is_named(name, seed):
     assert decided <= {cause}
     named = {NAMES[alarm.kind] for alarm in alarms if alarm.kind in NAMES}
     assert named <= {cause}
+
+
+@pytest.mark.parametrize("seed", few(1, [7, 8, 9]))
+def test_a_velocity_that_its_places_deny_is_false_whatever_it_looks_like(seed):
+    held = {}
+
+    def velocity_at(t_s, v_n):
+        return v_n if t_s <= FAULT_S else held.setdefault(0, v_n)
+
+    found, alarms, _ = explained(
+        velocity_at=velocity_at, seed=seed, is_denied=lambda t_s: t_s > FAULT_S + 2.0
+    )
+    denied = [one for one in found if one.shares == ((Cause.VELOCITY, 1.0),)]
+    assert len(denied) > 40
+    contradicting = [one for one in denied if one.is_contradiction]
+    assert contradicting
+    assert all(one.decided is Cause.VELOCITY for one in contradicting)
+    # The attitude goes back to what was known when the window began, and no sensor is corrected.
+    assert all(one.carried is not None and one.correction is None for one in contradicting)
+    assert {NAMES[alarm.kind] for alarm in alarms if alarm.kind in NAMES} == {Cause.VELOCITY}
 
 
 def test_a_gyros_error_is_found_about_its_axes():

@@ -13,6 +13,23 @@ PERIOD_US = 200_000
 DEG_PER_M = 1.0 / math.radians(6_371_000.0)
 
 
+def hear(
+    verdict: GnssVerdict,
+    fix: VelocityFix,
+    latitude_deg: float,
+    longitude_deg: float,
+    *,
+    is_false: bool,
+) -> VelocityFix | None:
+    """Has the verdict take a fix, with the least of noise: no receiver measures twice the same."""
+    north, east, down = fix.v_n
+    noise = 1e-12 * fix.t_us
+    fix = fix._replace(v_n=(north + noise, east + noise, down))
+    found = verdict.fix(fix, latitude_deg, longitude_deg)
+    verdict.judge(is_false=is_false)
+    return found
+
+
 def flown(north_m_s, *, follows: float = 1.0, from_s: float = 5.0, end_s: float = 10.0):
     """The verdict after a flight northwards whose velocity is known to be false from a time on."""
     verdict, north = GnssVerdict(), 0.0
@@ -21,7 +38,7 @@ def flown(north_m_s, *, follows: float = 1.0, from_s: float = 5.0, end_s: float 
         speed = north_m_s(t_s)
         north += follows * speed * 1e-6 * PERIOD_US
         fix = VelocityFix(i * PERIOD_US, (speed, 0.0, math.nan), 0.2)
-        verdict.fix(fix, 47.0 + north * DEG_PER_M, 8.0, is_false=t_s >= from_s)
+        hear(verdict, fix, 47.0 + north * DEG_PER_M, 8.0, is_false=t_s >= from_s)
     return verdict
 
 
@@ -41,15 +58,19 @@ def test_a_velocity_may_be_false_from_time_zero_on() -> None:
     assert alarm.since_s == pytest.approx(9.8)
 
 
-@pytest.mark.parametrize("follows", [0.0, 0.3, 2.0])
-def test_a_false_velocity_that_the_position_does_not_follow_is_the_receivers(follows) -> None:
-    assert flown(ramp, follows=follows).alarms() == []
+@pytest.mark.parametrize(
+    ("follows", "kinds"), [(0.0, []), (0.3, [Kind.GPS_VELOCITY]), (2.0, [Kind.GPS_VELOCITY])]
+)
+def test_a_false_velocity_that_the_position_does_not_follow_is_the_receivers(
+    follows, kinds
+) -> None:
+    assert [alarm.kind for alarm in flown(ramp, follows=follows).alarms()] == kinds
 
 
 def test_a_velocity_that_is_not_false_is_not_spoofed_and_one_that_ends_no_longer_is() -> None:
     assert flown(ramp, from_s=99.0).alarms() == []
     verdict = flown(ramp)
-    verdict.fix(VelocityFix(10_000_000, (7.0, 0.0, math.nan), 0.2), 47.0, 8.0, is_false=False)
+    hear(verdict, VelocityFix(10_000_000, (7.0, 0.0, math.nan), 0.2), 47.0, 8.0, is_false=False)
     assert verdict.alarms() == []
 
 
@@ -57,7 +78,7 @@ def test_a_receiver_that_states_its_own_inaccuracy_claims_nothing() -> None:
     verdict = flown(ramp, end_s=5.0)
     for i in range(25, 50):
         fix = VelocityFix(i * PERIOD_US, (5.0, 0.0, math.nan), 2.5)
-        verdict.fix(fix, 47.0 + i * DEG_PER_M, 8.0, is_false=True)
+        hear(verdict, fix, 47.0 + i * DEG_PER_M, 8.0, is_false=True)
     assert verdict.alarms() == []
 
 
@@ -93,7 +114,7 @@ def test_two_receivers_that_differ_accuse_nobody(apart_m, is_told) -> None:
     for i in range(40):
         fix = VelocityFix(i * PERIOD_US, (1.0, 0.0, math.nan), 0.2)
         verdict.other_fix(fix, 47.0 + apart_m * DEG_PER_M, 8.0)
-        verdict.fix(fix, 47.0, 8.0, is_false=False)
+        hear(verdict, fix, 47.0, 8.0, is_false=False)
     alarms = verdict.alarms()
     assert [(a.severity, a.is_decided) for a in alarms] == [(Severity.NOTICE, False)] * is_told
 
@@ -105,14 +126,14 @@ def said(verdict: GnssVerdict) -> None:
 def followed(verdict: GnssVerdict) -> None:
     for i in range(20, 51):
         fix = VelocityFix(i * PERIOD_US, (5.0, 0.0, math.nan), 0.2)
-        verdict.fix(fix, 47.0 + i * DEG_PER_M, 8.0, is_false=True)
+        hear(verdict, fix, 47.0 + i * DEG_PER_M, 8.0, is_false=True)
 
 
 def apart(verdict: GnssVerdict) -> None:
     for i in range(20, 51):
         fix = VelocityFix(i * PERIOD_US, (1.0, 0.0, math.nan), 0.2)
         verdict.other_fix(fix, 47.1, 8.0)
-        verdict.fix(fix, 47.0, 8.0, is_false=False)
+        hear(verdict, fix, 47.0, 8.0, is_false=False)
 
 
 def of_another_time(verdict: GnssVerdict) -> None:
@@ -160,7 +181,7 @@ def ended(speed_m_s=5.0, error_m_s=0.0, sigma_m_s=SIGMA_M_S, length_s=5.0, perio
         longitude_deg = 179.9999 + east_m * DEG_PER_M / math.cos(math.radians(60.0))
         fix = VelocityFix(t_us, (0.0, speed_m_s, math.nan), sigma_m_s)
         wrapped_deg = (longitude_deg + 180.0) % 360.0 - 180.0
-        verdict.fix(fix, 60.0, wrapped_deg, is_false=t_us + period_us > end_us)
+        hear(verdict, fix, 60.0, wrapped_deg, is_false=t_us + period_us > end_us)
     return verdict.alarms()
 
 
@@ -207,7 +228,7 @@ def test_a_position_is_compared_over_5_s(jumped_s, is_followed) -> None:
         t_s = 0.2 * i
         jump_m = 100.0 if t_s > jumped_s - 0.1 else 0.0
         fix = VelocityFix(1_000_000 + i * PERIOD_US, (5.0, 0.0, math.nan), SIGMA_M_S)
-        verdict.fix(fix, 47.0 + (5.0 * t_s + jump_m) * DEG_PER_M, 8.0, is_false=i == 26)
+        hear(verdict, fix, 47.0 + (5.0 * t_s + jump_m) * DEG_PER_M, 8.0, is_false=i == 26)
     assert bool(verdict.alarms()) is is_followed
 
 
@@ -219,7 +240,7 @@ def two(apart_m=0.0, apart_m_s=0.0, length_s=5.0, old_us=0):
         other = VelocityFix(t_us - old_us, (1.0 + apart_m_s, 0.0, math.nan), SIGMA_M_S)
         verdict.other_fix(other, 47.0 + apart_m * DEG_PER_M, 8.0)
         mine = VelocityFix(t_us, (1.0, 0.0, math.nan), SIGMA_M_S)
-        verdict.fix(mine, 47.0, 8.0, is_false=False)
+        hear(verdict, mine, 47.0, 8.0, is_false=False)
     return verdict.alarms()
 
 
@@ -313,4 +334,60 @@ def test_a_time_that_jumped_is_told_with_its_receiver() -> None:
     )
     assert alarm.since_s == pytest.approx(9.8)
     verdict.restart()
+    assert verdict.alarms() == []
+
+
+# --- a receiver that contradicts itself ----------------------------------------------------------
+
+
+def test_a_velocity_that_repeats_is_frozen_and_not_used() -> None:
+    verdict = GnssVerdict()
+    used = [
+        verdict.fix(VelocityFix(i * PERIOD_US, (3.0, 4.0, math.nan), 0.2), 47.0, 8.0)
+        for i in range(12)
+    ]
+    assert used[0] is not None
+    assert used[1:] == [None] * 11
+    (alarm,) = verdict.alarms()
+    assert (alarm.kind, alarm.severity) == (Kind.GPS_FROZEN, Severity.WARNING)
+    assert alarm.text == "GPS velocity is frozen and not used"
+    assert alarm.since_s == pytest.approx(2.2)
+    assert alarm.evidence.startswith("12 fixes in a row")
+    moved = VelocityFix(12 * PERIOD_US, (3.0, 4.01, math.nan), 0.2)
+    assert verdict.fix(moved, 47.0, 8.0) == moved
+    assert verdict.alarms() == []
+
+
+def denied(*, error_m_s: float, end_s: float, until_s: float = 99.0, is_false: bool = False):
+    """The verdict where places go northwards faster than the velocity, and its latest fix."""
+    verdict, north_m, found = GnssVerdict(), 0.0, None
+    for i in range(round(5.0 * end_s) + 1):
+        t_s = 0.2 * i
+        fix = VelocityFix(i * PERIOD_US, (5.0, 0.0, math.nan), 0.2)
+        found = hear(verdict, fix, 47.0 + north_m * DEG_PER_M, 8.0, is_false=is_false)
+        north_m += 0.2 * (5.0 + (error_m_s if t_s < until_s else 0.0))
+    return verdict, found
+
+
+@pytest.mark.parametrize(
+    ("error_m_s", "is_denied"), [(1.7, False), (1.9, True), (-1.7, False), (-1.9, True)]
+)
+def test_places_deny_a_velocity_from_5_m_in_3_s_on(error_m_s, is_denied) -> None:
+    _, found = denied(error_m_s=error_m_s, end_s=4.0)
+    assert found.is_denied is is_denied
+
+
+@pytest.mark.parametrize(("end_s", "is_told"), [(3.6, False), (4.0, True)])
+def test_that_is_told_undecided_after_2_s(end_s, is_told) -> None:
+    verdict, _ = denied(error_m_s=3.2, end_s=end_s)
+    alarms = verdict.alarms()
+    told = [(a.kind, a.severity, a.is_decided, a.text) for a in alarms]
+    text = "GPS velocity and place differ, undecided"
+    assert told == [(Kind.GPS_VELOCITY, Severity.NOTICE, False, text)] * is_told
+
+
+def test_a_receiver_that_contradicted_itself_is_not_spoofed() -> None:
+    assert denied(error_m_s=0.0, end_s=8.0, is_false=True)[0].alarms()[0].kind is Kind.GNSS_SPOOFED
+    verdict, found = denied(error_m_s=5.0, end_s=16.0, until_s=6.0, is_false=True)
+    assert not found.is_denied
     assert verdict.alarms() == []

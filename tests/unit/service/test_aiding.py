@@ -270,13 +270,39 @@ def test_where_no_velocity_is_wanted_the_witness_still_takes_it(how, passes, is_
 
 def test_fifty_velocities_at_once_and_fifty_a_second():
     vehicle = Vehicle()
-    for _ in range(60):
-        vehicle.aiding.on_receiver(S, FIX)
-    assert vehicle.used.count(VELOCITY) == 50
-    vehicle.aiding.on_receiver(S + 20_000_000 - 1, FIX)
-    assert vehicle.used.count(VELOCITY) == 50
-    vehicle.aiding.on_receiver(S + 20_000_000, FIX)
-    assert vehicle.used.count(VELOCITY) == 51
+    fixes = [FIX._replace(time_us=10_000_000 + i) for i in range(62)]
+
+    def used() -> int:
+        return sum(isinstance(one, VelocityFix) for one in vehicle.used)
+
+    for i, fix in enumerate(fixes[:60]):
+        vehicle.aiding.on_receiver(S, fix._replace(v_n=(1.0, 0.01 * i, 0.0)))
+    assert used() == 50
+    vehicle.aiding.on_receiver(S + 20_000_000 - 1, fixes[60])
+    assert used() == 50
+    vehicle.aiding.on_receiver(S + 20_000_000, fixes[61]._replace(v_n=(2.0, 0.0, 0.0)))
+    assert used() == 51
+
+
+def test_a_velocity_that_only_repeats_reaches_nobody():
+    vehicle = Vehicle()
+    vehicle.aiding.on_receiver(S, FIX)
+    assert vehicle.aiding.on_receiver(2 * S, FIX._replace(time_us=10_200_000)) == []
+    assert vehicle.used == [FIELD, VELOCITY]
+    assert len(vehicle.witnessed) == 1
+
+
+def test_a_velocity_that_its_places_deny_is_passed_so_and_is_no_witness():
+    vehicle = Vehicle()
+    for i in range(10):
+        place = HOME._replace(latitude_deg=HOME.latitude_deg + 1e-5 * i)  # 5.6 m/s
+        fix = FIX._replace(
+            time_us=10_000_000 + 200_000 * i, v_n=(-2.0, 0.001 * i, 0.0), place=place
+        )
+        vehicle.aiding.on_receiver(S * (1 + i), fix)
+    velocities = [one for one in vehicle.used if isinstance(one, VelocityFix)]
+    assert [one.is_denied for one in velocities] == [False] * 5 + [True] * 5
+    assert len(vehicle.witnessed) == 5
 
 
 @pytest.mark.parametrize(

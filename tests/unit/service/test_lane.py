@@ -572,6 +572,13 @@ def test_a_velocity_that_is_false_reaches_no_filter(bench):
     assert bench.filter.named("use_velocity") == []
 
 
+def test_a_velocity_that_its_places_deny_is_judged_and_reaches_no_filter(bench):
+    bench.run()
+    bench.lane.use(fix(is_denied=True))
+    assert len(bench.monitor.named("fix")) == 1
+    assert bench.filter.named("use_velocity") == []
+
+
 @pytest.mark.parametrize("is_corrected", [False, True])
 def test_a_doubt_reaches_the_filter_and_what_is_found_corrects_later_samples(bench, is_corrected):
     bench.run()
