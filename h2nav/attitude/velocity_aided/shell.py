@@ -43,6 +43,8 @@ LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 # on the ground that is not heard for less may have taken off, but was not carried away: it keeps
 # such an attitude, unless it lies still, as the size of the force shows, and otherwise.
 CARRIED_S = 3.0
+# Turned by more, one deviation, it is beyond the small angles that the loop corrects.
+LOST_SIGMA_RAD = 25.0 * DEG
 STILL_M_S2 = 1.0
 # Larger inputs are implausible.
 MAX_RATE_RAD_S = 200.0
@@ -318,16 +320,22 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
     def _carry(self, sample: ImuSample) -> AttitudeEstimate:
         """Continues after such a gap, with a heading that is doubted as the tilt is.
 
+        Where velocities show both, what may have turned too far is found anew.
+
         Source: docs/filter.md Eq. (73).
         """
         t_us, aiding = sample.t_us, self._aiding
         gap_us = t_us - (self._t_us or 0)
         aiding.bridge(gap_us)
         self._witness.interrupt()
-        bits = self._advance(sample, gap_us, t_us < aiding.aided_until_us, None)
+        is_aided = t_us < aiding.aided_until_us
+        bits = self._advance(sample, gap_us, is_aided, None)
         self._t_us = t_us
         sigma_rad = self._estimate(t_us, bits).sigma_tilt_rad
-        self._open_attitude(0.0, math.hypot(sigma_rad, math.sqrt(self._heading().variance)))
+        if is_aided and sigma_rad > LOST_SIGMA_RAD:
+            bits, sigma_rad = self._resume(sample), AIR_TILT_SIGMA_RAD
+        else:
+            self._open_attitude(0.0, math.hypot(sigma_rad, math.sqrt(self._heading().variance)))
         self._watch_in_air(t_us, sigma_rad)
         aiding.remember(t_us, self._gained())
         return self._standing(t_us, bits)
