@@ -383,7 +383,7 @@ class CauseSearch:
         """
         shown = self.contradiction.shown(Cause.VELOCITY)
         if not self.velocity_is_false:
-            # Only a field can confirm the gyro, and the receiver's own places deny it.
+            # Only a field can confirm the gyro; that places deny a velocity needs no gyro.
             is_held = seen.ratios.of_turn < OPEN_RATIO and seen.field_holds
             is_held |= self.velocity_is_denied
             if found and is_held and self._is_contradicted_by_velocity(seen, found):

@@ -66,7 +66,7 @@ SHAKING_DENSITY = 0.02  # 1.4 m/s^2 rms at 100 Hz: above it a force may hide blo
 # A blow that samples miss touches one or two of them. In the density of their noise, a mean over
 # 2 s, it leaves a 36th of the square of its change of velocity, 1/s, or more. Asked is half of it.
 BLOW_DENSITY = 1.0 / 72.0
-# With this noise the force, rows of a velocity show nothing.
+# Beside a force with this noise a velocity shows nothing.
 UNUSED_DENSITY = 1e6
 # A larger heading error is not a small angle.
 KNOWN_HEADING_RAD = 10.0 * DEG

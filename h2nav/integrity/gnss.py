@@ -3,8 +3,8 @@
 What a receiver says of its signals counts at once. A false velocity, found by the force
 (`h2nav.integrity.monitor`), is a receiver's error while the position does not follow it; where both
 move alike and the receiver claims to be accurate, its signals are false. So they may be where
-the receiver's time jumps. Two receivers that differ accuse nobody by themselves. A velocity that
-the same receiver repeats, or that its own places deny, is its error.
+the receiver's time jumps. Two receivers that differ accuse nobody by themselves. What a receiver
+says against itself is its error (`receiver_track`).
 """
 
 import math
@@ -180,7 +180,7 @@ class GnssVerdict:
         """The present verdict."""
         found = [alarm for alarm in (self._jammed(), self._spoofed_signals()) if alarm is not None]
         if self._denied_us is not None or self._track.is_stuck:
-            found += self._of_itself(self._denied_us)
+            found += self._of_itself()
         if not found and self._apart_us is not None and self._since_s(self._apart_us) >= APART_S:
             found.append(self._receivers_differ(self._apart_us))
         return found
@@ -267,9 +267,9 @@ class GnssVerdict:
             since_s=self._since_s(clock.since_us),
         )
 
-    def _of_itself(self, denied_us: int | None) -> list[Alarm]:
+    def _of_itself(self) -> list[Alarm]:
         """Of a velocity that repeats, or that is not the way of the same receiver's places."""
-        held = self._track.held
+        held, denied_us = self._track.held, self._denied_us
         if held is not None:
             since_us, count = held
             held_s = self._since_s(since_us)
