@@ -12,6 +12,9 @@ from .memory import Memory, Sample
 TURN_ROW_US = 500e3
 # Over a longer step the field in between is not known.
 LONGEST_TURN_STEP_US = 150e3
+# Nor is it between fields that are further apart, as of a compass that was frozen; in a hover sound
+# ones of low resolution repeat for a second.
+LONGEST_FIELD_STEP_S = 2.0
 # Places of a row, behind the three of the field.
 PRODUCTS = 3
 FIELDS = 12
@@ -31,6 +34,8 @@ def add_turn(s: Memory, sample: Sample) -> int:
     add_step(s, sample.gyro, 1e-6 * s.step_us)
     if sample.has_mag <= 0.0 or s.field_still_us > 0.0:
         return 0
+    if s.turn_step[3] > LONGEST_FIELD_STEP_S:
+        s.turn_us = 0.0
     if s.turn_us > 0.0:
         add_field(s)
         if sample.t_us - s.turn_us < TURN_ROW_US:

@@ -20,8 +20,12 @@ FORCE = (0.0, 0.0, -9.8)
 
 
 @functools.cache
-def motion(seed, brisk):
-    """Rates, rad/s, of sines without a common period, and the field in the body, uT."""
+def motion(seed, brisk, circles_rad_s=0.0):
+    """Rates, rad/s, of sines without a common period, and the field in the body, uT.
+
+    Args:
+        circles_rad_s: a rate about z besides, while something acts.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, LASTS_S, PERIOD_S)
     sizes, speeds, phases = (
@@ -29,6 +33,7 @@ def motion(seed, brisk):
     )
     waves = np.sin(speeds[:, :, None] * t + phases[:, :, None])
     w = brisk * (sizes[:, :, None] * waves).sum(axis=1).T
+    w[(t >= BEGINS_S) & (t < ENDS_S), 2] += circles_rad_s
     m = np.empty_like(w)
     m[0] = FIELD_N_UT
     for i in range(1, len(t)):
@@ -44,9 +49,11 @@ def motion(seed, brisk):
     return t, w + rng.normal(0.0, 0.002, w.shape), m + rng.normal(0.0, 0.15, m.shape)
 
 
-def errors(gyro=None, compass=None, *, brisk=1.0, seed=1, every=1, is_of_earth=True):
+def errors(
+    gyro=None, compass=None, *, brisk=1.0, seed=1, every=1, is_of_earth=True, circles_rad_s=0.0
+):
     """(time, error, factor) after each row of such a flight."""
-    t, w, m = motion(seed, brisk)
+    t, w, m = motion(seed, brisk, circles_rad_s)
     acts = (t >= BEGINS_S) & (t < ENDS_S)
     w = w.copy() if gyro is None else gyro(w.copy(), acts)
     m = m.copy() if compass is None else compass(m.copy(), acts)
@@ -120,6 +127,17 @@ def dies(m, acts):
 )
 def test_a_sound_gyro_is_not_accused(gyro, compass, brisk, seed):
     assert not [text for text in errors(gyro, compass, brisk=brisk, seed=seed) if text[1]]
+
+
+@pytest.mark.parametrize("circles", [2, 4])
+def test_a_compass_that_was_frozen_while_a_plane_circled_accuses_no_gyro(circles):
+    circles_rad_s = circles * math.tau / (ENDS_S - BEGINS_S)
+
+    def noisy(m, acts):
+        return frozen(m + np.random.default_rng(3).normal(0.0, 0.8, m.shape), acts)
+
+    found = errors(None, noisy, brisk=0.1, circles_rad_s=circles_rad_s)
+    assert not [x for x in found if x[1]]
 
 
 @pytest.mark.parametrize("every", [1, 5])
