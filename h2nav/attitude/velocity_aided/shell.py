@@ -86,6 +86,8 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
     name = "velocity_aided"
     # The states that can be restored; those of another arithmetic cannot.
     state_name = name
+    # Whether an attitude that may have turned too far in a gap is found anew.
+    finds_lost = True
 
     def __init__(self, gains: VelocityAidedGains) -> None:
         super().__init__(gains)
@@ -332,7 +334,7 @@ class VelocityAidedShell(VelocityHeading, VelocityAttitude):
         bits = self._advance(sample, gap_us, is_aided, None)
         self._t_us = t_us
         sigma_rad = self._estimate(t_us, bits).sigma_tilt_rad
-        if is_aided and sigma_rad > LOST_SIGMA_RAD:
+        if self.finds_lost and is_aided and sigma_rad > LOST_SIGMA_RAD:
             bits, sigma_rad = self._resume(sample), AIR_TILT_SIGMA_RAD
         else:
             self._open_attitude(0.0, math.hypot(sigma_rad, math.sqrt(self._heading().variance)))

@@ -117,6 +117,35 @@ def test_a_gap_of_seconds_in_the_air_is_bridged_by_the_rates_at_its_ends(
         assert abs(heading_apart(q, one.q_nb)) < 3.0 * one.sigma_heading_rad
 
 
+def violently(seed: int) -> RateLaw:
+    def law(t: float) -> Vec3:
+        return (
+            2.0 * math.sin(2.1 * t + seed),
+            1.5 * math.sin(1.7 * t + 2 * seed),
+            1.5 * math.sin(1.3 * t + 3 * seed),
+        )
+
+    return law
+
+
+def test_what_may_have_turned_too_far_in_a_gap_is_found_anew() -> None:
+    """Seconds with more than 5 deg of tilt and 10 of heading; 52 and 60 where it was carried."""
+    tilted = turned = 0
+    for seed in range(8):
+        drive = without_samples(accelerating(50.0, 41 + seed, law=violently(seed)), GAP, GAP + 150)
+        found = feed(new_filter(), drive)
+        after = found[GAP]
+        assert after is not None
+        assert after.trust & Trust.ALIGNED
+        tilted += sum(error > 5.0 * DEG for error in tilt_errors(drive, found, GAP))
+        pairs = zip(drive.flight.q_nb[GAP:], found[GAP:], strict=True)
+        turned += sum(
+            one is None or abs(heading_apart(q, one.q_nb)) > 10.0 * DEG for q, one in pairs
+        )
+    assert 0.01 * tilted < 45.0
+    assert 0.01 * turned < 48.0
+
+
 def test_a_longer_gap_in_the_air_begins_anew() -> None:
     drive = without_samples(accelerating(45.0, 41, law=gently), GAP, GAP + 305)
     after = feed(new_filter(), drive)[GAP]

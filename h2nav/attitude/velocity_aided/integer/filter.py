@@ -208,6 +208,8 @@ class IntegerVelocityAidedFilter(VelocityAidedShell):
     """
 
     state_name = "velocity_aided in integers"
+    # Begun anew it takes longer than from the attitude that the rates have carried.
+    finds_lost = False
 
     def __init__(
         self, gains: VelocityAidedGains, place: str, compiled: CompiledStep | None = None
