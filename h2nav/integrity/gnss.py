@@ -14,7 +14,7 @@ from h2nav.attitude.samples import VelocityFix
 from h2nav.integrity.findings import Alarm, Kind, Sensor, SensorKind, Severity
 from h2nav.integrity.gnss_clock import ClockWatch
 from h2nav.integrity.gnss_signals import SignalLevels, SignalWatch
-from h2nav.integrity.receiver_track import ReceiverFix, ReceiverTrack, from_place
+from h2nav.integrity.receiver_track import ReceiverFix, ReceiverTrack, way_to
 
 # States of MAVLink's GPS_JAMMING_STATE and GPS_SPOOFING_STATE, and of PX4's sensor_gps.
 MITIGATED, DETECTED = 2, 3
@@ -57,7 +57,6 @@ class GnssVerdict:
         self._track = ReceiverTrack()  # of the receiver in use
         self._other: ReceiverFix | None = None
         self._denied_us: int | None = None  # since when its places deny its velocity
-        self._denied_m = 0.0
         self._was_denied = False  # since the velocity is false
         self._false_us: int | None = None  # since when the velocity is false
         self._spoofed: tuple[int, float, float] | None = None  # since, way and difference, m
@@ -100,8 +99,7 @@ class GnssVerdict:
         self._now_us = velocity.t_us
         if not track.take(velocity, latitude_deg, longitude_deg):
             return None
-        self._denied_m = track.denied_m
-        if not self._denied_m:
+        if not track.denied_m:
             self._denied_us = None
             return velocity
         if self._denied_us is None:
@@ -156,7 +154,10 @@ class GnssVerdict:
         if abs(mine.t_us - other.t_us) > FRESH_US:
             self._apart_us = None
             return
-        apart = math.hypot(*from_place(other, mine)), math.dist(mine.v_n, other.v_n)
+        apart = (
+            math.hypot(*way_to(other, mine.latitude_deg, mine.longitude_deg)),
+            math.dist(mine.v_n, other.v_n),
+        )
         scatter = 3.0 * math.hypot(mine.sigma_m_s, other.sigma_m_s)
         if apart[0] < APART_M and apart[1] < APART_M_S + scatter:
             self._apart_us = None
@@ -170,6 +171,7 @@ class GnssVerdict:
         stale_us = t_us - STALE_US
         self._states = {n: said for n, said in self._states.items() if said[0] > stale_us}
         if self._track.is_older_than(stale_us):
+            self._track = ReceiverTrack()
             self._false_us = self._spoofed = self._apart_us = self._denied_us = None
         for clock in self._clocks.values():
             clock.forget_old(stale_us)
@@ -292,10 +294,10 @@ class GnssVerdict:
                 Kind.GPS_VELOCITY,
                 GPS,
                 Severity.NOTICE,
-                self._denied_m,
+                self._track.denied_m,
                 "m",
                 "GPS velocity and place differ, undecided",
-                f"by {self._denied_m:.0f} m in 3 s; the velocity is not used",
+                f"by {self._track.denied_m:.0f} m in 3 s; the velocity is not used",
                 since_s=self._since_s(denied_us),
                 is_decided=False,
             )

@@ -129,12 +129,8 @@ def _is_denied(differs_m: float, compared: Sequence[ReceiverFix]) -> bool:
     return differs_m - jumped_m > DENIED_M + DENIED_S * changed_m_s
 
 
-def from_place(first: ReceiverFix, last: ReceiverFix) -> tuple[float, float]:
-    """North and east from one fix to another, m."""
-    return _way(first, last.latitude_deg, last.longitude_deg)
-
-
-def _way(first: ReceiverFix, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+def way_to(first: ReceiverFix, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """North and east from a fix to a place, m."""
     turns = (longitude_deg - first.longitude_deg + 180.0) % 360.0 - 180.0
     return (
         M_PER_DEG * (latitude_deg - first.latitude_deg),
@@ -149,7 +145,7 @@ def _following(
     half_s = 0.5e-6 * (velocity.t_us - before.t_us)
     (u, v), (x, y, _) = before.v_n, velocity.v_n
     by_north, by_east = half_s * (u + x), half_s * (v + y)
-    north, east = _way(before, latitude_deg, longitude_deg)
+    north, east = way_to(before, latitude_deg, longitude_deg)
     north, east = north - by_north, east - by_east
     return ReceiverFix(
         velocity.t_us,

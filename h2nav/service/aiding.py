@@ -265,11 +265,9 @@ class Aiding:
         """Takes a fix of the receiver."""
         effects = self.on_place(t_ns, fix.place)
         newest_us = self._estimation.heard_t_us
-        velocity, place = None, fix.place
-        if newest_us is not None:
-            velocity = gps_velocity(fix, newest_us)
+        velocity = None if newest_us is None else gps_velocity(fix, newest_us)
         if velocity is not None:
-            velocity = self.gnss.fix(velocity, place.latitude_deg, place.longitude_deg)
+            velocity = self.gnss.fix(velocity, fix.place.latitude_deg, fix.place.longitude_deg)
         if velocity is not None and not velocity.is_denied:
             self._witness.fix(velocity, self._estimation.doubt, self._estimation.corrected)
         if self._settings.gps_velocity:

@@ -43,9 +43,9 @@ LONGEST_GAP_US = round(LONGEST_GAP_S * 1e6)
 # on the ground that is not heard for less may have taken off, but was not carried away: it keeps
 # such an attitude, unless it lies still, as the size of the force shows, and otherwise.
 CARRIED_S = 3.0
-# Turned by more, one deviation, it is beyond the small angles that the loop corrects.
-LOST_SIGMA_RAD = 25.0 * DEG
 STILL_M_S2 = 1.0
+# What may have turned by more in a gap is beyond the small angles that the loop corrects.
+LOST_SIGMA_RAD = 25.0 * DEG
 # Larger inputs are implausible.
 MAX_RATE_RAD_S = 200.0
 MAX_FORCE_M_S2 = 4000.0

@@ -129,6 +129,17 @@ def followed(verdict: GnssVerdict) -> None:
         hear(verdict, fix, 47.0 + i * DEG_PER_M, 8.0, is_false=True)
 
 
+def frozen(verdict: GnssVerdict) -> None:
+    for i in range(20, 51):
+        verdict.fix(VelocityFix(i * PERIOD_US, (5.0, 0.0, math.nan), 0.2), 47.0, 8.0)
+
+
+def denied_by_places(verdict: GnssVerdict) -> None:
+    for i in range(20, 51):
+        fix = VelocityFix(i * PERIOD_US, (-5.0, 0.0, math.nan), 0.2)
+        hear(verdict, fix, 47.0 + i * DEG_PER_M, 8.0, is_false=False)
+
+
 def apart(verdict: GnssVerdict) -> None:
     for i in range(20, 51):
         fix = VelocityFix(i * PERIOD_US, (1.0, 0.0, math.nan), 0.2)
@@ -151,6 +162,8 @@ def of_more_power(verdict: GnssVerdict) -> None:
     [
         (said, 20_000_000),
         (followed, 20_000_000),
+        (frozen, 20_000_000),
+        (denied_by_places, 20_000_000),
         (apart, 20_000_000),
         (of_another_time, 20_000_000),
         (of_more_power, 22_000_001),

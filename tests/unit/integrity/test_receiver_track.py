@@ -5,7 +5,7 @@ import math
 import pytest
 
 from h2nav.attitude.samples import VelocityFix
-from h2nav.integrity.receiver_track import ReceiverTrack, from_place
+from h2nav.integrity.receiver_track import ReceiverTrack, way_to
 
 PERIOD_US = 200_000
 DEG_PER_M = 1.0 / math.radians(6_371_000.0)
@@ -152,9 +152,7 @@ def test_the_way_between_places_goes_over_the_date_line() -> None:
     receiver = Receiver()
     receiver.take(1.0)
     (first,) = receiver.track.fixes
-    north_m, east_m = from_place(
-        first._replace(latitude_deg=0.0, longitude_deg=179.9999),
-        first._replace(latitude_deg=0.0, longitude_deg=-179.9999),
-    )
+    first = first._replace(latitude_deg=0.0, longitude_deg=179.9999)
+    north_m, east_m = way_to(first, 0.0, -179.9999)
     assert north_m == 0.0
     assert east_m == pytest.approx(0.0002 / DEG_PER_M, rel=1e-6)
